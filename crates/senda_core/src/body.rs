@@ -1,0 +1,137 @@
+//! What a driver may know about the vehicle it drives: shape, limits and cameras.
+
+use crate::{Command, Drive, Turn};
+use senda_geom::{Camera, trig};
+use serde::{Deserialize, Serialize};
+
+/// How the vehicle turns.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Steering {
+    /// Two driven wheels (or two driven sides) with different speeds; can turn in place.
+    Differential {
+        /// Distance between the wheels' contact points (m).
+        track_m: f64,
+    },
+    /// Steered front wheels.
+    Ackermann {
+        /// Distance between the axles (m).
+        wheelbase_m: f64,
+        /// Largest angle of the front wheels to either side (rad).
+        steering_limit_rad: f64,
+    },
+}
+
+/// The vehicle as its driver knows it: kinematics, limits, cameras. Origin on the floor below the (rear) axle's centre.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Body {
+    /// Name of the vehicle, such as `gopigo`.
+    pub name: String,
+    /// How it turns.
+    pub steering: Steering,
+    /// Overall width (m).
+    pub width_m: f64,
+    /// Overall length (m).
+    pub length_m: f64,
+    /// Top speed (m/s).
+    pub speed_limit_mps: f64,
+    /// Largest yaw rate that it can reach (rad/s).
+    pub yaw_rate_limit_radps: f64,
+    /// Nominal time between observations (s).
+    pub period_s: f64,
+    /// Cameras; the first is the one that single-camera drivers use.
+    pub cameras: Vec<Camera>,
+}
+
+impl Body {
+    /// The tightest curvature the vehicle can drive (1/m); infinite for one that turns in place.
+    pub fn curvature_limit_per_m(&self) -> f64 {
+        match self.steering {
+            Steering::Differential { .. } => f64::INFINITY,
+            Steering::Ackermann {
+                wheelbase_m,
+                steering_limit_rad,
+            } => trig::tan(steering_limit_rad) / wheelbase_m,
+        }
+    }
+
+    /// Yaw rate (rad/s) that a turn asks for at a speed (m/s), unlimited.
+    pub fn yaw_rate_of(&self, turn: Turn, speed_mps: f64) -> f64 {
+        match turn {
+            Turn::YawRateRadps(rate) => rate,
+            Turn::CurvaturePerM(curvature) => curvature * speed_mps,
+            Turn::SteeringRad(angle) => trig::tan(angle) / self.lever_m() * speed_mps,
+        }
+    }
+
+    /// Front-wheel angle (rad) that a turn asks for at a speed (m/s), unlimited. A vehicle without front wheels
+    /// answers with the angle of a car as long as its track is wide, so that networks trained on one fit the other.
+    pub fn steering_of(&self, turn: Turn, speed_mps: f64) -> f64 {
+        match turn {
+            Turn::SteeringRad(angle) => angle,
+            Turn::CurvaturePerM(curvature) => trig::atan(curvature * self.lever_m()),
+            // Below walking pace of a toy a yaw rate has no steering angle: divide by at least 1 cm/s.
+            Turn::YawRateRadps(rate) => {
+                let speed = if speed_mps < 0.0 {
+                    speed_mps.min(-0.01)
+                } else {
+                    speed_mps.max(0.01)
+                };
+                trig::atan(rate / speed * self.lever_m())
+            }
+        }
+    }
+
+    /// Curvature (1/m) that a turn asks for at a speed (m/s), unlimited.
+    pub fn curvature_of(&self, turn: Turn, speed_mps: f64) -> f64 {
+        match turn {
+            Turn::CurvaturePerM(curvature) => curvature,
+            other => trig::tan(self.steering_of(other, speed_mps)) / self.lever_m(),
+        }
+    }
+
+    /// Speed (m/s) that a command asks for; a throttle counts as that part of top speed.
+    pub fn speed_of(&self, command: &Command) -> f64 {
+        match command.drive {
+            Drive::SpeedMps(speed) => speed,
+            Drive::Throttle(part) => part.max(0.0) * self.speed_limit_mps,
+        }
+    }
+
+    fn lever_m(&self) -> f64 {
+        match self.steering {
+            Steering::Differential { track_m } => track_m,
+            Steering::Ackermann { wheelbase_m, .. } => wheelbase_m,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_turn_means_the_same_path() {
+        let body = Body {
+            name: "car".into(),
+            steering: Steering::Ackermann {
+                wheelbase_m: 0.2,
+                steering_limit_rad: 0.5,
+            },
+            width_m: 0.1,
+            length_m: 0.3,
+            speed_limit_mps: 1.0,
+            yaw_rate_limit_radps: 5.0,
+            period_s: 0.05,
+            cameras: vec![],
+        };
+        let curvature = Turn::CurvaturePerM(1.5);
+        let steering = Turn::SteeringRad(body.steering_of(curvature, 0.4));
+        let rate = Turn::YawRateRadps(body.yaw_rate_of(curvature, 0.4));
+        for turn in [curvature, steering, rate] {
+            assert!((body.curvature_of(turn, 0.4) - 1.5).abs() < 1e-9);
+            assert!((body.yaw_rate_of(turn, 0.4) - 0.6).abs() < 1e-9);
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! The words that all of senda shares: images, observations, commands, and the two traits `Vehicle` and `Driver`.
+//!
+//! ```
+//! use senda_core::{Command, Driver, Observation};
+//! /// Drives straight on, whatever it sees.
+//! struct Straight;
+//! impl Driver for Straight {
+//!     fn drive(&mut self, _observation: &Observation) -> Command {
+//!         Command::curvature(0.0, 0.1)
+//!     }
+//! }
+//! let command = Straight.drive(&Observation::default());
+//! assert!(command.is_finite());
+//! ```
+//!
+//! A [`Vehicle`] is sensed and actuated: the simulator, a robot, a recording. A [`Driver`] turns an [`Observation`]
+//! into a [`Command`]. The true state ([`Truth`]) is not part of an observation; only a [`PrivilegedDriver`] gets it.
+//!
+//! This crate does not know any vehicle or driver, no files and no clock.
+
+pub mod body;
+pub mod codec;
+pub mod command;
+pub mod driver;
+pub mod explanation;
+pub mod image;
+pub mod observation;
+pub mod vehicle;
+
+pub use body::{Body, Steering};
+pub use codec::{CodecError, Encoded, ImageFormat};
+pub use command::{Command, Drive, Turn};
+pub use driver::{Driver, PrivilegedDriver};
+pub use explanation::{Explanation, Shape, Signal};
+pub use image::{Channels, Image};
+pub use observation::{Frame, Observation, Stamp, Wheels};
+pub use vehicle::{Truth, Vehicle, VehicleError};
