@@ -21,6 +21,7 @@ pub mod curve;
 pub mod homography;
 pub mod pose;
 pub mod segment;
+pub mod tracker;
 pub mod trig;
 
 pub use camera::{Camera, Lens, Mounting};
@@ -29,3 +30,4 @@ pub use glam::{DMat3 as Mat3, DVec2 as Vec2, DVec3 as Vec3};
 pub use homography::Homography;
 pub use pose::Pose2;
 pub use segment::Segment;
+pub use tracker::Tracker;
