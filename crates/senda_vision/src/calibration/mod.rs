@@ -1,0 +1,1 @@
+//! Camera calibration from a printed sheet (C1, C2 in SPEC).
