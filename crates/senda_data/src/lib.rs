@@ -1,1 +1,19 @@
-//! (to be written)
+//! Recordings of runs (MCAP), and other people's data formats turned into them.
+//!
+//! This crate does not know how a recording came about, and prints nothing.
+
+pub mod error;
+pub mod recording;
+pub mod replay;
+pub mod tub;
+pub mod writer;
+
+mod container;
+mod messages;
+mod reader;
+mod warnings;
+
+pub use error::DataError;
+pub use recording::{EncodedFrame, FORMAT, Recording, RecordingHeader, Step};
+pub use replay::{Difference, Replay};
+pub use writer::{RecordingOptions, RecordingWriter};
