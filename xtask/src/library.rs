@@ -1,0 +1,76 @@
+//! Every world and vehicle file is in the embedded library, and every scenario is used somewhere.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Files that nobody would find by name.
+pub(crate) fn violations(texts: &BTreeMap<String, String>, files: &BTreeSet<String>) -> Vec<String> {
+    let mut findings = Vec::new();
+    for file in files {
+        let Some((folder, name)) = file.split_once('/') else {
+            continue;
+        };
+        if name.contains('/') || !name.ends_with(".toml") {
+            continue;
+        }
+        match folder {
+            "worlds" | "vehicles" if !is_in_library(file, texts) => {
+                findings.push(format!(
+                    "{file} is not embedded: expected include_str!(\"…/{file}\") in senda_world"
+                ));
+            }
+            "scenarios" if !is_mentioned(file, texts) => {
+                findings.push(format!("{file} is used by no test and shown on no page"));
+            }
+            _ => {}
+        }
+    }
+    findings
+}
+
+fn is_in_library(file: &str, texts: &BTreeMap<String, String>) -> bool {
+    texts.iter().any(|(name, text)| {
+        name.starts_with("crates/senda_world/src/") && text.contains(&format!("/{file}\""))
+    })
+}
+
+fn is_mentioned(file: &str, texts: &BTreeMap<String, String>) -> bool {
+    texts
+        .iter()
+        .any(|(name, text)| (name.ends_with(".rs") || name.ends_with(".md")) && text.contains(file))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(file: &str) -> Vec<String> {
+        let source = "const OVAL: &str = include_str!(\"../../../worlds/oval.toml\");";
+        let texts = BTreeMap::from([
+            ("crates/senda_world/src/library.rs".to_owned(), source.to_owned()),
+            (
+                "README.md".to_owned(),
+                "senda drive scenarios/first.toml".to_owned(),
+            ),
+        ]);
+        violations(&texts, &BTreeSet::from([file.to_owned()]))
+    }
+
+    #[test]
+    fn files_that_are_named_pass() {
+        for file in [
+            "worlds/oval.toml",
+            "scenarios/first.toml",
+            "worlds/README.md",
+            "deny.toml",
+        ] {
+            assert!(check(file).is_empty(), "{file}");
+        }
+    }
+
+    #[test]
+    fn forgotten_files_are_found() {
+        for file in ["worlds/val.toml", "vehicles/gopigo.toml", "scenarios/second.toml"] {
+            assert_eq!(check(file).len(), 1, "{file}");
+        }
+    }
+}
