@@ -1,0 +1,412 @@
+//! Upright things on the floor: boxes and boards with pictures on them.
+
+use crate::colour::Colour;
+use crate::error::WorldError;
+use crate::path::FAR_M;
+use crate::reader::Table;
+use crate::writer::{Document, quoted};
+use senda_geom::{Curve, Pose2, Vec2, Vec3};
+use std::f64::consts::PI;
+
+/// A box or a board that stands on the floor (or hangs above it).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Thing {
+    /// What it is called in drawings and messages; may be empty.
+    pub name: String,
+    /// Its shape.
+    pub shape: ThingShape,
+    /// Middle of its footprint; it faces along the heading.
+    pub pose: Pose2,
+    /// Height of its lower edge above the floor (m).
+    pub bottom_m: f64,
+    /// Height from its lower to its upper edge (m).
+    pub height_m: f64,
+    /// What is on its front (all sides of a box).
+    pub texture: Texture,
+    /// Colour of the back of a board and of the top of a box.
+    pub back: Colour,
+}
+
+/// Footprint of a thing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ThingShape {
+    /// An upright rectangle across its heading, without thickness.
+    Board {
+        /// Width across the heading (m).
+        width_m: f64,
+    },
+    /// A cuboid.
+    Box {
+        /// Extent along the heading (m).
+        length_m: f64,
+        /// Extent across the heading (m).
+        width_m: f64,
+    },
+}
+
+/// What is painted on a thing.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Texture {
+    /// One colour.
+    Plain {
+        /// The colour.
+        colour: Colour,
+    },
+    /// Squares of two colours.
+    Checker {
+        /// First colour.
+        colour: Colour,
+        /// Second colour.
+        second_colour: Colour,
+        /// Side of a square (m).
+        size_m: f64,
+    },
+    /// Upright stripes of two colours.
+    Stripes {
+        /// First colour.
+        colour: Colour,
+        /// Second colour.
+        second_colour: Colour,
+        /// Width of a stripe (m).
+        size_m: f64,
+    },
+    /// A picture of cells, stretched over the face: signs, QR codes, lights. Programs generate it; files write it as
+    /// rows of characters with a palette.
+    Cells(Cells),
+}
+
+/// A small picture: rows from top to bottom, cells from left to right as seen from in front.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cells {
+    /// Cells in a row, at least 1.
+    pub width: usize,
+    /// Rows, at least 1.
+    pub height: usize,
+    /// `width · height` colours.
+    pub cells: Vec<Colour>,
+}
+
+impl Texture {
+    /// The colour at a place of a face of `width_m` x `height_m`: `right_m` from its left edge as seen from in
+    /// front, `down_m` from its upper edge.
+    pub fn colour_at(&self, right_m: f64, down_m: f64, width_m: f64, height_m: f64) -> Colour {
+        match self {
+            Self::Plain { colour } => *colour,
+            Self::Checker {
+                colour,
+                second_colour,
+                size_m,
+            } => {
+                let odd = ((right_m / size_m).floor() + (down_m / size_m).floor()).rem_euclid(2.0);
+                if odd < 1.0 { *colour } else { *second_colour }
+            }
+            Self::Stripes {
+                colour,
+                second_colour,
+                size_m,
+            } => {
+                if (right_m / size_m).floor().rem_euclid(2.0) < 1.0 {
+                    *colour
+                } else {
+                    *second_colour
+                }
+            }
+            Self::Cells(cells) => {
+                let column = (right_m / width_m * cells.width as f64).max(0.0) as usize;
+                let row = (down_m / height_m * cells.height as f64).max(0.0) as usize;
+                cells.cells[row.min(cells.height - 1) * cells.width + column.min(cells.width - 1)]
+            }
+        }
+    }
+}
+
+/// One flat face of a thing, for renderers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Face {
+    /// Upper left corner as seen from in front (world, m).
+    pub corner: Vec3,
+    /// Unit vector to the right as seen from in front.
+    pub right: Vec3,
+    /// Unit vector down the face.
+    pub down: Vec3,
+    /// Unit normal, towards the side from which it is seen.
+    pub normal: Vec3,
+    /// Extent along `right` (m).
+    pub width_m: f64,
+    /// Extent along `down` (m).
+    pub height_m: f64,
+    /// What is on it.
+    pub texture: Texture,
+}
+
+impl Thing {
+    /// Corners of its footprint on the floor (m), counter-clockwise; a board has two.
+    pub fn footprint(&self) -> Vec<Vec2> {
+        let corner = |x: f64, y: f64| self.pose.transform(Vec2::new(x, y));
+        match self.shape {
+            ThingShape::Board { width_m } => vec![corner(0.0, width_m / 2.0), corner(0.0, -width_m / 2.0)],
+            ThingShape::Box { length_m, width_m } => {
+                let (x, y) = (length_m / 2.0, width_m / 2.0);
+                vec![corner(x, -y), corner(x, y), corner(-x, y), corner(-x, -y)]
+            }
+        }
+    }
+
+    /// Its faces, each seen from one side only: two of a board, four sides and the top of a box.
+    pub fn faces(&self) -> Vec<Face> {
+        let (forward, left) = (self.pose.forward(), self.pose.left());
+        let top_m = self.bottom_m + self.height_m;
+        let upright = |normal: Vec2, distance_m: f64, width_m: f64, texture: Texture| {
+            // Seen from in front, right is the normal turned left (counter-clockwise).
+            let right = normal.perp();
+            let middle = self.pose.position() + normal * distance_m;
+            let corner = middle - right * (width_m / 2.0);
+            Face {
+                corner: Vec3::new(corner.x, corner.y, top_m),
+                right: Vec3::new(right.x, right.y, 0.0),
+                down: Vec3::NEG_Z,
+                normal: Vec3::new(normal.x, normal.y, 0.0),
+                width_m,
+                height_m: self.height_m,
+                texture,
+            }
+        };
+        let back = Texture::Plain { colour: self.back };
+        match self.shape {
+            ThingShape::Board { width_m } => vec![
+                upright(forward, 0.0, width_m, self.texture.clone()),
+                upright(-forward, 0.0, width_m, back),
+            ],
+            ThingShape::Box { length_m, width_m } => {
+                let corner = self.pose.transform(Vec2::new(-length_m / 2.0, width_m / 2.0));
+                vec![
+                    upright(forward, length_m / 2.0, width_m, self.texture.clone()),
+                    upright(left, width_m / 2.0, length_m, self.texture.clone()),
+                    upright(-forward, length_m / 2.0, width_m, self.texture.clone()),
+                    upright(-left, width_m / 2.0, length_m, self.texture.clone()),
+                    Face {
+                        corner: Vec3::new(corner.x, corner.y, top_m),
+                        right: Vec3::new(forward.x, forward.y, 0.0),
+                        down: Vec3::new(-left.x, -left.y, 0.0),
+                        normal: Vec3::Z,
+                        width_m: length_m,
+                        height_m: width_m,
+                        texture: back,
+                    },
+                ]
+            }
+        }
+    }
+
+    pub(crate) fn read(mut table: Table, path: &Curve) -> Result<Self, WorldError> {
+        let name = table.optional_string("name")?.unwrap_or_default();
+        let kind = table.required_word("kind", &["board", "box"])?;
+        let width_m = table.required_f64("width_m", 1e-3, FAR_M)?;
+        let shape = match kind {
+            "board" => ThingShape::Board { width_m },
+            _ => ThingShape::Box {
+                length_m: table.required_f64("length_m", 1e-3, FAR_M)?,
+                width_m,
+            },
+        };
+        let pose = read_place(&mut table, path)?;
+        let bottom_m = table.f64("bottom_m", 0.0, 1000.0, 0.0)?;
+        let height_m = table.required_f64("height_m", 1e-3, 1000.0)?;
+        let texture = match table.optional_table("texture")? {
+            Some(texture) => read_texture(texture)?,
+            None => Texture::Plain {
+                colour: table
+                    .optional_colour("colour")?
+                    .ok_or_else(|| table.missing("colour", "a colour, or a texture"))?,
+            },
+        };
+        let back = table.colour("back", Colour::new(120, 110, 100))?;
+        table.finish()?;
+        Ok(Self {
+            name,
+            shape,
+            pose,
+            bottom_m,
+            height_m,
+            texture,
+            back,
+        })
+    }
+
+    pub(crate) fn write(&self, document: &mut Document) {
+        document.item("things");
+        if !self.name.is_empty() {
+            document.text("name", &self.name);
+        }
+        match self.shape {
+            ThingShape::Board { width_m } => {
+                document.text("kind", "board");
+                document.number("width_m", width_m);
+            }
+            ThingShape::Box { length_m, width_m } => {
+                document.text("kind", "box");
+                document.number("length_m", length_m);
+                document.number("width_m", width_m);
+            }
+        }
+        document.number("x_m", self.pose.x_m);
+        document.number("y_m", self.pose.y_m);
+        document.number("heading_rad", self.pose.heading_rad);
+        document.number("bottom_m", self.bottom_m);
+        document.number("height_m", self.height_m);
+        document.text("back", &self.back.to_string());
+        document.header("things.texture");
+        match &self.texture {
+            Texture::Plain { colour } => {
+                document.text("kind", "plain");
+                document.text("colour", &colour.to_string());
+            }
+            Texture::Checker {
+                colour,
+                second_colour,
+                size_m,
+            }
+            | Texture::Stripes {
+                colour,
+                second_colour,
+                size_m,
+            } => {
+                let checker = matches!(self.texture, Texture::Checker { .. });
+                document.text("kind", if checker { "checker" } else { "stripes" });
+                document.text("colour", &colour.to_string());
+                document.text("second_colour", &second_colour.to_string());
+                document.number("size_m", *size_m);
+            }
+            Texture::Cells(cells) => write_cells(cells, document),
+        }
+    }
+}
+
+fn read_place(table: &mut Table, path: &Curve) -> Result<Pose2, WorldError> {
+    let heading_rad = table.optional_angle("heading_rad", "heading_deg", -2.0 * PI, 2.0 * PI)?;
+    if let Some(station_m) = table.optional_f64("station_m", -FAR_M, FAR_M)? {
+        // Beside the path; without a heading it faces the vehicles that come along.
+        let offset_m = table.f64("offset_m", -FAR_M, FAR_M, 0.0)?;
+        let at = path.pose_at(station_m);
+        let position = at.position() + at.left() * offset_m;
+        let facing = heading_rad.unwrap_or(PI) + at.heading_rad;
+        return Ok(Pose2::new(
+            position.x,
+            position.y,
+            senda_geom::angle::wrap(facing),
+        ));
+    }
+    Ok(Pose2::new(
+        table.required_f64("x_m", -FAR_M, FAR_M)?,
+        table.required_f64("y_m", -FAR_M, FAR_M)?,
+        heading_rad.unwrap_or(0.0),
+    ))
+}
+
+fn read_texture(mut table: Table) -> Result<Texture, WorldError> {
+    let kind = table.required_word("kind", &["plain", "checker", "stripes", "cells"])?;
+    if kind == "cells" {
+        let cells = read_cells(&mut table)?;
+        table.finish()?;
+        return Ok(Texture::Cells(cells));
+    }
+    let colour = table
+        .optional_colour("colour")?
+        .ok_or_else(|| table.missing("colour", "a colour"))?;
+    let texture = if kind == "plain" {
+        Texture::Plain { colour }
+    } else {
+        let second_colour = table.colour("second_colour", Colour::new(240, 240, 236))?;
+        let size_m = table.required_f64("size_m", 1e-4, 1000.0)?;
+        if kind == "checker" {
+            Texture::Checker {
+                colour,
+                second_colour,
+                size_m,
+            }
+        } else {
+            Texture::Stripes {
+                colour,
+                second_colour,
+                size_m,
+            }
+        }
+    };
+    table.finish()?;
+    Ok(texture)
+}
+
+/// Palette letters, in the order in which the writer gives them out.
+const LETTERS: &str = "#.abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789";
+
+/// `palette = ["# black", ". white"]`, `rows = ["#.#", …]`.
+fn read_cells(table: &mut Table) -> Result<Cells, WorldError> {
+    let mut palette: Vec<(char, Colour)> = Vec::new();
+    for entry in table.strings("palette")? {
+        let mut letters = entry.chars();
+        let colour = letters
+            .next()
+            .zip(letters.as_str().strip_prefix(' ').and_then(Colour::parse));
+        palette.push(colour.ok_or_else(|| {
+            table.problem(
+                "palette",
+                "entries such as \"# black\"",
+                format!("{entry:?}"),
+                "one character, a blank, a colour",
+            )
+        })?);
+    }
+    let rows = table.strings("rows")?;
+    let width = rows.first().map_or(0, |row| row.chars().count());
+    if width == 0 || width > 4096 || rows.len() > 4096 {
+        return Err(table.problem("rows", "1 to 4096 rows of 1 to 4096 characters", "others", ""));
+    }
+    let mut cells = Vec::with_capacity(width * rows.len());
+    for row in &rows {
+        if row.chars().count() != width {
+            return Err(table.problem(
+                "rows",
+                format!("rows of {width} characters"),
+                format!("{row:?}"),
+                "",
+            ));
+        }
+        for letter in row.chars() {
+            let colour = palette.iter().find(|(known, _)| *known == letter);
+            let (_, colour) = colour.ok_or_else(|| {
+                table.problem("rows", "characters of the palette", format!("{letter:?}"), "")
+            })?;
+            cells.push(*colour);
+        }
+    }
+    Ok(Cells {
+        width,
+        height: rows.len(),
+        cells,
+    })
+}
+
+fn write_cells(cells: &Cells, document: &mut Document) {
+    let mut colours: Vec<Colour> = cells.cells.clone();
+    colours.sort_unstable();
+    colours.dedup();
+    // More colours than letters cannot come from a file; the rest becomes the last letter's.
+    let letters: Vec<char> = LETTERS.chars().collect();
+    let letter = |colour: &Colour| {
+        let index = colours.binary_search(colour).unwrap_or(0);
+        letters[index.min(letters.len() - 1)]
+    };
+    let palette: Vec<String> = colours
+        .iter()
+        .take(letters.len())
+        .map(|colour| quoted(&format!("{} {colour}", letter(colour))))
+        .collect();
+    let rows: Vec<String> = cells
+        .cells
+        .chunks(cells.width)
+        .map(|row| quoted(&row.iter().map(letter).collect::<String>()))
+        .collect();
+    document.text("kind", "cells");
+    document.line("palette", format!("[{}]", palette.join(", ")));
+    document.line("rows", format!("[\n  {},\n]", rows.join(",\n  ")));
+}

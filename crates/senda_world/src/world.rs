@@ -1,0 +1,372 @@
+//! A world: a path with markings on a floor, its light and the things that stand on it.
+
+use crate::colour::Colour;
+use crate::error::{Warning, WorldError};
+use crate::floor::Floor;
+use crate::light::Light;
+use crate::marking::Marking;
+use crate::path::{self, FAR_M, PathSpec};
+use crate::reader::{Source, Table};
+use crate::thing::Thing;
+use crate::vehicle::VehicleSpec;
+use crate::writer::Document;
+use senda_geom::{Curve, Vec2};
+use std::path::Path;
+
+/// Corridor to either side of a single line (m) unless the file says otherwise (guess: a little more than the
+/// width of document C's vehicle).
+const LINE_CORRIDOR_M: f64 = 0.15;
+/// Painted floor around the markings (m) unless the file says otherwise.
+const MARGIN_M: f64 = 0.8;
+
+/// A resolved and validated world: plain data and the path made of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct World {
+    /// Name, such as `oval`.
+    pub name: String,
+    /// One sentence for lists; may be empty.
+    pub description: String,
+    /// What vehicles follow, in driving direction: the middle of the line or of the lane.
+    pub path: Curve,
+    /// How the path is written.
+    pub path_spec: PathSpec,
+    /// Distance between the middles of the lane's two lines (m); `None`: a single line.
+    pub lane_width_m: Option<f64>,
+    /// Beyond this offset (m) to either side a vehicle has left the path.
+    pub corridor_half_width_m: f64,
+    /// Station (m) at which laps begin.
+    pub start_station_m: f64,
+    /// Lines on the floor.
+    pub markings: Vec<Marking>,
+    /// The floor.
+    pub floor: Floor,
+    /// The light.
+    pub light: Light,
+    /// Upright things.
+    pub things: Vec<Thing>,
+    /// What is seen beyond the floor.
+    pub backdrop: Backdrop,
+    /// Painted floor around the path's outermost markings (m).
+    pub margin_m: f64,
+}
+
+/// What a camera sees beyond the floor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Backdrop {
+    /// Colour at the horizon: the foot of the walls.
+    pub horizon: Colour,
+    /// Colour straight above.
+    pub zenith: Colour,
+}
+
+impl Default for Backdrop {
+    fn default() -> Self {
+        Self {
+            horizon: Colour::new(150, 146, 140),
+            zenith: Colour::new(206, 204, 200),
+        }
+    }
+}
+
+impl World {
+    /// Reads a world from TOML text. `source_name` (a file name) appears in messages.
+    pub fn parse(source_name: &str, toml: &str) -> Result<(Self, Vec<Warning>), WorldError> {
+        let source = Source {
+            name: source_name,
+            text: toml,
+        };
+        let mut table = source.table()?;
+        if toml.trim().is_empty() {
+            return Err(table.problem(
+                "",
+                "a world",
+                "an empty file",
+                "start from a copy of worlds/oval.toml",
+            ));
+        }
+        let (world, mut warnings) = Self::read(&mut table)?;
+        warnings.extend(world.geometry_warnings(&table));
+        table.finish()?;
+        Ok((world, warnings))
+    }
+
+    /// Reads a world file.
+    pub fn load(path: &Path) -> Result<(Self, Vec<Warning>), WorldError> {
+        let text = read_text(path)?;
+        Self::parse(&path.display().to_string(), &text)
+    }
+
+    fn read(table: &mut Table) -> Result<(Self, Vec<Warning>), WorldError> {
+        let name = table
+            .optional_string("name")?
+            .unwrap_or_else(|| stem(table.source.name).to_owned());
+        let description = table.optional_string("description")?.unwrap_or_default();
+        let lane_width_m = table.optional_f64("lane_width_m", 0.01, 100.0)?;
+        let corridor_half_width_m = table.f64(
+            "corridor_half_width_m",
+            0.005,
+            100.0,
+            lane_width_m.map_or(LINE_CORRIDOR_M, |width_m| width_m / 2.0),
+        )?;
+        let start_station_m = table.f64("start_station_m", 0.0, FAR_M, 0.0)?;
+        let margin_m = table.f64("margin_m", 0.0, 100.0, MARGIN_M)?;
+        let path_table = table.optional_table("path")?;
+        let path_table = path_table.ok_or_else(|| table.missing("path", "a table with pieces or points"))?;
+        let (path_spec, path, warnings) = PathSpec::read(path_table)?;
+        if start_station_m > path.length_m() {
+            return Err(table.problem(
+                "start_station_m",
+                format!("a station on the path (0 to {:.3} m)", path.length_m()),
+                format!("{start_station_m}"),
+                "",
+            ));
+        }
+        let mut markings = Vec::new();
+        for item in table.tables("markings")? {
+            markings.extend(Marking::read(item, lane_width_m, path.length_m())?);
+        }
+        let floor = match table.optional_table("floor")? {
+            Some(floor) => Floor::read(floor)?,
+            None => Floor::of_kind(crate::floor::FloorKind::Plain),
+        };
+        let (low, high) = bounds_of(&path, &markings, margin_m);
+        let light = match table.optional_table("light")? {
+            Some(light) => Light::read(light, low, high)?,
+            None => Light::default(),
+        };
+        let mut things = Vec::new();
+        for item in table.tables("things")? {
+            things.push(Thing::read(item, &path)?);
+        }
+        let backdrop = match table.optional_table("backdrop")? {
+            Some(mut backdrop) => {
+                let usual = Backdrop::default();
+                let read = Backdrop {
+                    horizon: backdrop.colour("horizon", usual.horizon)?,
+                    zenith: backdrop.colour("zenith", usual.zenith)?,
+                };
+                backdrop.finish()?;
+                read
+            }
+            None => Backdrop::default(),
+        };
+        let world = Self {
+            name,
+            description,
+            path,
+            path_spec,
+            lane_width_m,
+            corridor_half_width_m,
+            start_station_m,
+            markings,
+            floor,
+            light,
+            things,
+            backdrop,
+            margin_m,
+        };
+        Ok((world, warnings))
+    }
+
+    /// The resolved copy: every default written out. `parse(to_toml())` gives the same world.
+    pub fn to_toml(&self) -> String {
+        let mut document = Document::default();
+        document.text("name", &self.name);
+        if !self.description.is_empty() {
+            document.text("description", &self.description);
+        }
+        if let Some(lane_width_m) = self.lane_width_m {
+            document.number("lane_width_m", lane_width_m);
+        }
+        document.number("corridor_half_width_m", self.corridor_half_width_m);
+        document.number("start_station_m", self.start_station_m);
+        document.number("margin_m", self.margin_m);
+        self.path_spec.write(&mut document);
+        for marking in &self.markings {
+            marking.write(&mut document);
+        }
+        self.floor.write(&mut document);
+        self.light.write(&mut document);
+        for thing in &self.things {
+            thing.write(&mut document);
+        }
+        document.header("backdrop");
+        document.text("horizon", &self.backdrop.horizon.to_string());
+        document.text("zenith", &self.backdrop.zenith.to_string());
+        document.finish()
+    }
+
+    /// The same world on a ready floor ([`crate::FLOOR_PRESETS`]). Markings that would vanish on it (nearly the floor's
+    /// lightness) turn from dark to light or from light to dark.
+    pub fn with_floor(mut self, name: &str) -> Result<Self, WorldError> {
+        self.floor = Floor::preset(name)?;
+        let floor = self.floor.colour.luminance();
+        for marking in &mut self.markings {
+            if (marking.colour.luminance() - floor).abs() < 50.0 {
+                marking.colour = if floor < 128.0 {
+                    Colour::new(240, 240, 236)
+                } else {
+                    Colour::new(24, 24, 26)
+                };
+            }
+        }
+        Ok(self)
+    }
+
+    /// The same world in a ready light ([`crate::LIGHT_PRESETS`]).
+    pub fn with_light(mut self, name: &str) -> Result<Self, WorldError> {
+        let (low, high) = self.bounds();
+        self.light = Light::preset(name, low, high)?;
+        Ok(self)
+    }
+
+    /// The same world driven the other way round. Floor, paint and light stay where they are; the lap begins at the
+    /// same place on a closed path and at the other end of an open one.
+    pub fn reversed(self) -> Self {
+        let length_m = self.path.length_m();
+        Self {
+            path: self.path.reversed(),
+            start_station_m: if self.path.is_closed() && self.start_station_m > 0.0 {
+                length_m - self.start_station_m
+            } else {
+                self.start_station_m
+            },
+            path_spec: PathSpec {
+                reversed: !self.path_spec.reversed,
+                ..self.path_spec
+            },
+            markings: self
+                .markings
+                .iter()
+                .map(|marking| marking.reversed(length_m))
+                .collect(),
+            light: self.light.reversed(),
+            ..self
+        }
+    }
+
+    /// Level of the light at a station (m): [`Light::level`] times the change along the lap.
+    pub fn light_level_at(&self, station_m: f64) -> f64 {
+        let part = self.path.normalise_station(station_m) / self.path.length_m();
+        self.light.level * self.light.along(part, self.path.is_closed())
+    }
+
+    /// The rectangle of floor that is painted: lowest and highest x and y (m).
+    pub fn bounds(&self) -> (Vec2, Vec2) {
+        bounds_of(&self.path, &self.markings, self.margin_m)
+    }
+
+    /// What does not fit between this world and a vehicle: a lane that is narrower than the vehicle, curves that it
+    /// cannot take.
+    pub fn check_vehicle(&self, vehicle: &VehicleSpec) -> Vec<Warning> {
+        let warning = |key: &str, message: String| Warning {
+            file: self.name.clone(),
+            line: None,
+            key: key.to_owned(),
+            message,
+        };
+        let mut warnings = Vec::new();
+        if let Some(lane_width_m) = self.lane_width_m
+            && lane_width_m < vehicle.width_m
+        {
+            warnings.push(warning(
+                "lane_width_m",
+                format!(
+                    "the lane ({lane_width_m:.3} m) is narrower than {} ({:.3} m)",
+                    vehicle.name, vehicle.width_m
+                ),
+            ));
+        }
+        let radius_m = path::smallest_radius_m(&self.path);
+        let least_m = 1.0 / vehicle.body().curvature_limit_per_m();
+        if radius_m < least_m {
+            warnings.push(warning(
+                "path",
+                format!(
+                    "the tightest curve ({radius_m:.3} m) is tighter than {} can turn ({least_m:.3} m)",
+                    vehicle.name
+                ),
+            ));
+        }
+        warnings
+    }
+
+    /// Possible but odd geometry.
+    fn geometry_warnings(&self, table: &Table) -> Vec<Warning> {
+        let mut warnings = Vec::new();
+        let reach_m = self
+            .markings
+            .iter()
+            .map(|marking| marking.offset_m.abs() + marking.width_m / 2.0)
+            .fold(0.01, f64::max);
+        let radius_m = path::smallest_radius_m(&self.path);
+        if reach_m >= radius_m {
+            warnings.push(table.warning(
+                "markings",
+                format!(
+                    "a marking reaches {reach_m:.3} m from the path, further than its tightest radius \
+                     {radius_m:.3} m: it folds there"
+                ),
+            ));
+        } else if let Some((first_m, second_m)) = path::self_overlap(&self.path, 2.0 * reach_m) {
+            warnings.push(table.warning(
+                "path",
+                format!("the path overlaps itself at stations {first_m:.2} m and {second_m:.2} m"),
+            ));
+        }
+        if let Some(lane_width_m) = self.lane_width_m
+            && lane_width_m < 0.12
+        {
+            warnings.push(table.warning(
+                "lane_width_m",
+                format!("a lane of {lane_width_m:.3} m is narrower than every vehicle of the library"),
+            ));
+        }
+        if self.markings.is_empty() {
+            warnings.push(table.warning("markings", "nothing is painted: add [[markings]]".to_owned()));
+        }
+        for (index, marking) in self.markings.iter().enumerate() {
+            if let Some((_, to_m)) = marking.span_m
+                && to_m > self.path.length_m()
+            {
+                warnings.push(table.warning("markings", format!("marking {index} ends beyond the path")));
+            }
+            if (marking.colour.luminance() - self.floor.colour.luminance()).abs() < 12.0 {
+                warnings.push(table.warning(
+                    "markings",
+                    format!("marking {index} is nearly as light as the floor: it will be hard to see"),
+                ));
+            }
+        }
+        warnings
+    }
+}
+
+fn bounds_of(path: &Curve, markings: &[Marking], margin_m: f64) -> (Vec2, Vec2) {
+    let reach_m = markings
+        .iter()
+        .map(|marking| marking.offset_m.abs() + marking.width_m / 2.0)
+        .fold(0.0, f64::max);
+    let around = Vec2::splat(reach_m + margin_m);
+    let points = path.polyline((path.length_m() / 2000.0).clamp(0.01, 1.0));
+    let (low, high) = points.iter().fold((points[0], points[0]), |(low, high), p| {
+        (low.min(*p), high.max(*p))
+    });
+    (low - around, high + around)
+}
+
+/// A file name without folders and extension.
+pub(crate) fn stem(source_name: &str) -> &str {
+    let name = source_name.rsplit(['/', '\\']).next().unwrap_or(source_name);
+    name.strip_suffix(".toml").unwrap_or(name)
+}
+
+/// The text of a file, or why not.
+pub(crate) fn read_text(path: &Path) -> Result<String, WorldError> {
+    let read_error = |reason: String| WorldError::Read {
+        file: path.display().to_string(),
+        reason,
+    };
+    let bytes = std::fs::read(path).map_err(|error| read_error(error.to_string()))?;
+    String::from_utf8(bytes).map_err(|_| read_error("expected UTF-8 text, but found other bytes".to_owned()))
+}
