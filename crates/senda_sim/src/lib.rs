@@ -1,1 +1,3 @@
-//! (to be written)
+//! A simulated vehicle.
+
+pub mod render;

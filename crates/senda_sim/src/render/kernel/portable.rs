@@ -1,0 +1,100 @@
+//! The pixel loops in plain Rust. What the AVX2 version must equal.
+
+use super::{Colours, GROUP, Group, Look, LevelLayout, Looks, Shading, Texels, middle, rounded_product};
+
+pub(super) fn sample(
+    texels: Texels<'_>,
+    looks: &Looks,
+    looks_log2: u32,
+    groups: &[Group],
+    out: &mut [Colours],
+) {
+    for (group, out) in groups.iter().zip(out) {
+        let log2 = looks_log2.max(group.looks_log2);
+        let count = 1usize << log2;
+        let layout = &texels.layouts[group.level as usize];
+        let mut sums = [0i32; 4 * GROUP];
+        for look in &looks[count - 1..2 * count - 1] {
+            let (x, y) = positions(group, look, layout);
+            for k in 0..GROUP {
+                let (fx, fy) = (x[k] & 127, y[k] & 127);
+                let at = ((y[k] >> 7) * layout.stride + (x[k] >> 7) + layout.base) as usize;
+                let upper = &texels.texels[at..at + 2];
+                let lower = &texels.texels[at + layout.stride as usize..][..2];
+                let (upper, lower) = (mix(upper[0], upper[1], fx), mix(lower[0], lower[1], fx));
+                for half in 0..2 {
+                    // Two channels of 16 bits become two of 32: the vertical weights add 7 bits.
+                    let wide = widen(upper[half]) * u64::from(128 - fy) + widen(lower[half]) * u64::from(fy);
+                    sums[4 * k + half] += wide as u32 as i32;
+                    sums[4 * k + half + 2] += (wide >> 32) as i32;
+                }
+            }
+        }
+        for (out, sum) in out.iter_mut().zip(&sums) {
+            *out = (sum >> (7 + log2)) as i16;
+        }
+    }
+}
+
+/// Texture coordinates of a group, 7 bits below the point, kept inside the level.
+#[inline(always)]
+fn positions(group: &Group, look: &Look, layout: &LevelLayout) -> ([u32; GROUP], [u32; GROUP]) {
+    let [x0, y0] = look.origin[group.level as usize];
+    let (along_x, along_y) = (group.spread[0] * look.part, group.spread[1] * look.part);
+    let (mut xs, mut ys) = ([0; GROUP], [0; GROUP]);
+    for k in 0..GROUP {
+        let (x, y) = (group.x[k] + along_x, group.y[k] + along_y);
+        xs[k] = inside(look.cos * x - look.sin * y + x0, layout.limit[0]);
+        ys[k] = inside(look.sin * x + look.cos * y + y0, layout.limit[1]);
+    }
+    (xs, ys)
+}
+
+#[inline(always)]
+fn inside(value: f32, limit: f32) -> u32 {
+    let value = if value > 0.0 { value } else { 0.0 };
+    (if value < limit { value } else { limit }) as u32
+}
+
+/// Weighs two texels by 127 - part and part: [R and B, G and A] in 16 bits each.
+#[inline(always)]
+fn mix(a: u32, b: u32, part: u32) -> [u32; 2] {
+    const EVEN: u32 = 0x00ff_00ff;
+    [
+        (a & EVEN) * (127 - part) + (b & EVEN) * part,
+        ((a >> 8) & EVEN) * (127 - part) + ((b >> 8) & EVEN) * part,
+    ]
+}
+
+#[inline(always)]
+fn widen(pair: u32) -> u64 {
+    u64::from(pair & 0xffff) | u64::from(pair >> 16) << 32
+}
+
+pub(super) fn shade(colours: &[Colours], shading: &Shading<'_>, row: &mut [u8]) {
+    for (g, (colours, row)) in colours.iter().zip(row.chunks_mut(3 * GROUP)).enumerate() {
+        let (gain, glow) = (&shading.gain[g..g + 2], &shading.glow[g..g + 2]);
+        let noise = &shading.noise[4 * GROUP * g..][..4 * GROUP];
+        let mut bytes = [0u8; 4 * GROUP];
+        for k in 0..GROUP {
+            let part = middle(k);
+            let gloss = i32::from(colours[4 * k + 3]);
+            for c in 0..3 {
+                let i = 4 * k + c;
+                let gain = gain[0][c] + rounded_product(gain[1][c] - gain[0][c], part);
+                let glow = glow[0][c] + rounded_product(glow[1][c] - glow[0][c], part);
+                let lit = ((i32::from(colours[i]) * i32::from(gain)) >> 16) as i16;
+                let mirrored = ((gloss * i32::from(glow)) >> 16) as i16;
+                let (high, low) = (lit.max(mirrored), lit.min(mirrored));
+                // √(a² + b²) within 3 %: bytes are close to the square root of light, and light adds.
+                let both = high.max(high - (high >> 3) + (low >> 1));
+                let level = shading.noise_dark - rounded_product(both.min(4095), shading.noise_fall);
+                let value = both + rounded_product(i16::from(noise[i]) << 8, level) + 8;
+                bytes[i] = (value >> 4).clamp(0, 255) as u8;
+            }
+        }
+        for (out, pixel) in row.chunks_exact_mut(3).zip(bytes.chunks_exact(4)) {
+            out.copy_from_slice(&pixel[..3]);
+        }
+    }
+}

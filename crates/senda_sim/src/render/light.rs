@@ -1,0 +1,173 @@
+//! Light as the camera gets it: vignetting and exposure as gains, reflections on glossy floor as added light, on a
+//! grid of one node every eight pixels.
+
+use super::backdrop::Backdrop;
+use super::kernel::{GAIN_ONE, GLOW_ONE, GROUP};
+use senda_geom::{Camera, Pose2, Vec2, trig};
+
+/// Reflectance of a polished dielectric seen from straight above (refractive index 1.5).
+const HEAD_ON: f64 = 0.04;
+
+/// Spread of mirror images by the roughness of polish (rad). A guess: linoleum shows soft-edged lamps.
+const ROUGHNESS_RAD: f64 = 0.03;
+
+/// A lamp above the floor, as floors mirror it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MirroredLamp {
+    /// Place on the floor plane (m).
+    pub position: Vec2,
+    /// Height above the floor (m).
+    pub height_m: f64,
+    /// Radius of the luminous disc (m).
+    pub radius_m: f64,
+    /// Radiance relative to a white floor in full light, R, G, B.
+    pub radiance: [f64; 3],
+}
+
+/// The grid of a camera with everything that does not change from frame to frame.
+#[derive(Debug, Clone)]
+pub(super) struct LightGrid {
+    pub(super) columns: usize,
+    nodes: Vec<Node>,
+    /// Squared spread of mirror images, at least as wide as the grid can show.
+    spread_squared: f32,
+    /// Gains of the present frame, row by row.
+    pub(super) gain: Vec<[i16; 4]>,
+    /// Reflected light of the present frame.
+    pub(super) glow: Vec<[i16; 4]>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    /// Floor point (vehicle frame, m).
+    floor: [f32; 2],
+    /// Unit direction of the mirrored ray; upwards.
+    mirrored: [f32; 3],
+    /// Share of light that polish reflects at this angle (Schlick 1994).
+    fresnel: f32,
+    /// Azimuth in cells of the backdrop's mirror map, and its row there.
+    column: f32,
+    row: (usize, f32),
+    /// Square root of the light that vignetting leaves.
+    vignette: f32,
+}
+
+impl LightGrid {
+    pub(super) fn new(camera: &Camera, vignetting: f64, pitch_rad: f64) -> Self {
+        let columns = (camera.width_px as usize).div_ceil(GROUP) + 1;
+        let rows = (camera.height_px as usize).div_ceil(GROUP) + 1;
+        let turn = camera.mounting.vehicle_from_camera();
+        let centre = Vec2::new(f64::from(camera.width_px), f64::from(camera.height_px)) * 0.5;
+        let mut nodes = Vec::with_capacity(columns * rows);
+        for j in 0..rows {
+            for i in 0..columns {
+                let pixel = Vec2::new((i * GROUP) as f64, (j * GROUP) as f64);
+                let ray = turn * camera.lens.ray(pixel);
+                // Above the horizon there is no floor; the last value below it keeps the cells in between right.
+                let fall = (-ray.z).max(0.02);
+                let reach = camera.mounting.z_m / fall;
+                let flat = (1.0 - fall).clamp(0.0, 1.0);
+                let azimuth = trig::atan2(ray.y, ray.x);
+                let from_centre = (pixel - centre).length() / centre.length();
+                // Falls with the fourth power of the cosine in thin lenses; a square in the radius is its first term.
+                let vignette = (1.0 - vignetting * from_centre * from_centre).max(0.0);
+                nodes.push(Node {
+                    floor: [
+                        (camera.mounting.x_m + reach * ray.x) as f32,
+                        (camera.mounting.y_m + reach * ray.y) as f32,
+                    ],
+                    mirrored: [ray.x as f32, ray.y as f32, fall as f32],
+                    fresnel: (HEAD_ON + (1.0 - HEAD_ON) * flat * flat * flat * flat * flat) as f32,
+                    column: (azimuth * Backdrop::MIRROR_PER_RAD) as f32,
+                    row: Backdrop::mirror_row(trig::asin(fall.min(1.0))),
+                    vignette: vignette.sqrt() as f32,
+                });
+            }
+        }
+        let spread = ROUGHNESS_RAD.max(0.7 * GROUP as f64 * pitch_rad);
+        Self {
+            columns,
+            gain: vec![[0; 4]; nodes.len()],
+            glow: vec![[0; 4]; nodes.len()],
+            nodes,
+            spread_squared: (spread * spread) as f32,
+        }
+    }
+
+    /// Exposes: `gain` is the factor on light for R, G, B. Without a backdrop nothing is reflected.
+    pub(super) fn expose(
+        &mut self,
+        gain: [f64; 3],
+        world_from_vehicle: Pose2,
+        lamps: &[MirroredLamp],
+        backdrop: Option<&Backdrop>,
+    ) {
+        let encoded = gain.map(|value| value.max(0.0).sqrt());
+        let scale = encoded.map(|value| (value * GAIN_ONE) as f32);
+        for (out, node) in self.gain.iter_mut().zip(&self.nodes) {
+            for c in 0..3 {
+                out[c] = limited(scale[c] * node.vignette);
+            }
+        }
+        let Some(backdrop) = backdrop else {
+            self.glow.fill([0; 4]);
+            return;
+        };
+        let scale = encoded.map(|value| (value * 255.0 * GLOW_ONE) as f32);
+        let turned = (world_from_vehicle.heading_rad * Backdrop::MIRROR_PER_RAD) as f32;
+        let vehicle_from_world = world_from_vehicle.inverse();
+        /// More lamps than this do not shine in the floor.
+        const MOST: usize = 8;
+        let mut near = [Lamp::default(); MOST];
+        let count = lamps.len().min(MOST);
+        for (out, lamp) in near.iter_mut().zip(lamps) {
+            let at = vehicle_from_world.transform(lamp.position);
+            *out = Lamp {
+                at: [at.x as f32, at.y as f32, lamp.height_m as f32],
+                radius_squared: (lamp.radius_m * lamp.radius_m) as f32,
+                radiance: lamp.radiance.map(|value| value as f32),
+            };
+        }
+        for (out, node) in self.glow.iter_mut().zip(&self.nodes) {
+            let mut light = backdrop.mirrored(node.column + turned, node.row);
+            for lamp in &near[..count] {
+                let shine = lamp.shine(node, self.spread_squared);
+                for c in 0..3 {
+                    light[c] += lamp.radiance[c] * shine;
+                }
+            }
+            for c in 0..3 {
+                out[c] = limited(scale[c] * (node.fresnel * light[c]).sqrt() * node.vignette);
+            }
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Lamp {
+    at: [f32; 3],
+    radius_squared: f32,
+    radiance: [f32; 3],
+}
+
+impl Lamp {
+    /// Part of the lamp's radiance that a node's mirrored ray meets: a soft disc around the mirror image.
+    fn shine(&self, node: &Node, spread_squared: f32) -> f32 {
+        let to = [self.at[0] - node.floor[0], self.at[1] - node.floor[1], self.at[2]];
+        let [x, y, z] = node.mirrored;
+        let along = to[0] * x + to[1] * y + to[2] * z;
+        if along <= 0.0 {
+            return 0.0;
+        }
+        let along_squared = along * along;
+        let aside = to[0] * to[0] + to[1] * to[1] + to[2] * to[2] - along_squared;
+        let wide = self.radius_squared + spread_squared * along_squared;
+        let ratio = aside / wide;
+        self.radius_squared / (wide * (1.0 + ratio * ratio))
+    }
+}
+
+/// Into what the pixel loops take.
+fn limited(value: f32) -> i16 {
+    value.clamp(0.0, 32_767.0) as i16
+}

@@ -1,0 +1,372 @@
+//! Camera pictures of a floor: one textured look-up a pixel, light, reflections, blur and noise, on the CPU.
+//!
+//! A [`Scene`] holds what all cameras of a world share; a [`Renderer`] holds what one camera needs and draws a
+//! [`Shot`] into an image. Nothing is allocated between frames, and the bytes are the same on every machine.
+
+mod backdrop;
+mod blur;
+mod kernel;
+mod light;
+mod noise;
+mod rays;
+mod scene;
+mod texture;
+mod upright;
+
+pub use backdrop::{Backdrop, Room};
+pub use kernel::Kernel;
+pub use light::MirroredLamp;
+pub use rays::Sharpness;
+pub use scene::Scene;
+pub use texture::MipTexture;
+
+use blur::LensBlur;
+use kernel::{
+    Colours, GROUP, LEVELS, Look, Looks, MOST_LOOKS_LOG2, STEPS_PER_TEXEL, Shading, between, middle,
+};
+use light::LightGrid;
+use noise::NoiseTile;
+use rays::{RayTable, Shows};
+use senda_core::{Channels, Image};
+use senda_geom::{Camera, Pose2, trig};
+
+/// What a camera's optics do to the picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Optics {
+    /// Share of the light that is lost in the image's corners, 0..=1.
+    pub vignetting: f64,
+    /// Standard deviation of the lens's blur (px of this image).
+    pub blur_px: f64,
+    /// How texture detail is matched to pixels.
+    pub sharpness: Sharpness,
+}
+
+impl Default for Optics {
+    fn default() -> Self {
+        Self {
+            vignetting: 0.0,
+            blur_px: 0.0,
+            sharpness: Sharpness::default(),
+        }
+    }
+}
+
+/// One exposure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shot {
+    /// Pose of the vehicle in the middle of the exposure.
+    pub world_from_vehicle: Pose2,
+    /// Factor on light for R, G, B: 1 shows the painting's colours as they are.
+    pub gain: [f64; 3],
+    /// Motion during the exposure.
+    pub motion: Motion,
+    /// Noise of the sensor.
+    pub noise: Noise,
+}
+
+impl Shot {
+    /// From a pose, with gain 1, no motion and no noise.
+    pub fn still(world_from_vehicle: Pose2) -> Self {
+        Self {
+            world_from_vehicle,
+            gain: [1.0; 3],
+            motion: Motion::default(),
+            noise: Noise::default(),
+        }
+    }
+}
+
+/// Motion of the vehicle while the shutter is open.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Motion {
+    /// Forward speed (m/s).
+    pub speed_mps: f64,
+    /// Yaw rate (rad/s).
+    pub yaw_rate_radps: f64,
+    /// Time that the shutter is open (s).
+    pub exposure_s: f64,
+}
+
+/// Noise of one frame, as standard deviations in steps of the 8-bit range.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Noise {
+    /// Of black.
+    pub dark: f64,
+    /// Of white.
+    pub bright: f64,
+    /// Seed of this frame.
+    pub seed: u64,
+}
+
+/// Draws the pictures of one camera.
+#[derive(Debug, Clone)]
+pub struct Renderer {
+    camera: Camera,
+    kernel: Kernel,
+    table: RayTable,
+    light: LightGrid,
+    noise: NoiseTile,
+    blur: LensBlur,
+    metres_per_texel: f64,
+    /// Finest size of a pixel on the floor (m), for motion blur.
+    finest_m: f64,
+    sees_backdrop: bool,
+    colours: Vec<Colours>,
+    behind: Vec<Colours>,
+    gain_row: Vec<[i16; 4]>,
+    glow_row: Vec<[i16; 4]>,
+    faces: Vec<upright::Ready>,
+}
+
+impl Renderer {
+    /// Prepares a camera for a scene: tables of what every pixel sees (about 0.2 µs a pixel and lens iteration).
+    ///
+    /// # Panics
+    /// When the camera has no pixels or does not stand above the floor.
+    pub fn new(camera: &Camera, scene: &Scene, optics: &Optics) -> Self {
+        assert!(
+            camera.width_px > 0 && camera.height_px > 0 && camera.mounting.z_m > 0.0,
+            "a camera needs pixels and height"
+        );
+        let metres_per_texel = scene.metres_per_texel();
+        let table = RayTable::new(camera, metres_per_texel, scene.ground().levels(), optics.sharpness);
+        let groups = table.groups_per_row;
+        let light = LightGrid::new(camera, optics.vignetting, table.pitch_rad);
+        let blur = LensBlur::new(optics.blur_px);
+        let rows = if blur.is_sharp() { 1 } else { table.height };
+        Self {
+            camera: camera.clone(),
+            kernel: Kernel::fastest(),
+            finest_m: table.finest_m,
+            sees_backdrop: !table.backdrop.is_empty(),
+            noise: NoiseTile::new(groups * GROUP),
+            colours: vec![[0; 4 * GROUP]; groups * rows],
+            behind: vec![[0; 4 * GROUP]; groups],
+            gain_row: vec![[0; 4]; light.columns],
+            glow_row: vec![[0; 4]; light.columns],
+            faces: Vec::with_capacity(scene.uprights().len()),
+            table,
+            light,
+            blur,
+            metres_per_texel,
+        }
+    }
+
+    /// The camera.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The same renderer with another implementation of the pixel loops (the bytes stay the same).
+    pub fn with_kernel(mut self, kernel: Kernel) -> Self {
+        self.kernel = kernel;
+        self
+    }
+
+    /// Draws one frame, R, G, B, into `image`, whose memory is reused.
+    ///
+    /// # Panics
+    /// When the scene's texels have another size than those of the scene it was made for.
+    pub fn render(&mut self, scene: &Scene, shot: &Shot, image: &mut Image) {
+        assert_eq!(
+            scene.metres_per_texel(),
+            self.metres_per_texel,
+            "a renderer is made for one size of texels"
+        );
+        image.reshape(self.table.width, self.table.height, Channels::Rgb);
+        let reflects = scene.is_glossy();
+        let backdrop = (self.sees_backdrop || reflects).then(|| scene.backdrop());
+        self.light.expose(
+            shot.gain,
+            shot.world_from_vehicle,
+            scene.lamps(),
+            backdrop.filter(|_| reflects),
+        );
+        upright::prepare(
+            scene.uprights(),
+            &self.camera,
+            shot.world_from_vehicle,
+            &self.table,
+            &mut self.faces,
+        );
+        let looks_log2 = self.looks_for(&shot.motion);
+        let floor_looks = floor_looks(scene, shot);
+        let backdrop_looks = backdrop_looks(shot);
+        let groups = self.table.groups_per_row;
+        if self.blur.is_sharp() {
+            for v in 0..self.table.height {
+                let mut colours = std::mem::take(&mut self.colours);
+                self.sample_row(
+                    scene,
+                    v,
+                    (&floor_looks, &backdrop_looks, looks_log2),
+                    &mut colours,
+                );
+                self.shade_row(v, &colours, &shot.noise, image.row_mut(v));
+                self.colours = colours;
+            }
+        } else {
+            let mut colours = std::mem::take(&mut self.colours);
+            for (v, row) in colours.chunks_exact_mut(groups).enumerate() {
+                self.sample_row(scene, v, (&floor_looks, &backdrop_looks, looks_log2), row);
+            }
+            self.blur.apply(&mut colours, groups);
+            for (v, row) in colours.chunks_exact(groups).enumerate() {
+                self.shade_row(v, row, &shot.noise, image.row_mut(v));
+            }
+            self.colours = colours;
+        }
+    }
+
+    /// Looks up the colours of row `v`.
+    fn sample_row(
+        &mut self,
+        scene: &Scene,
+        v: usize,
+        (floor_looks, backdrop_looks, looks_log2): (&Looks, &Looks, u32),
+        row: &mut [Colours],
+    ) {
+        let (table, kernel) = (&self.table, self.kernel);
+        let floor = &table.floor[v * table.groups_per_row..(v + 1) * table.groups_per_row];
+        for run in &table.runs[table.row_runs[v]..table.row_runs[v + 1]] {
+            let groups = run.first..run.end;
+            let entries = run.backdrop..run.backdrop + groups.len();
+            if run.shows != Shows::Backdrop {
+                let texels = scene.ground().texels();
+                kernel.sample(
+                    texels,
+                    floor_looks,
+                    looks_log2,
+                    &floor[groups.clone()],
+                    &mut row[groups.clone()],
+                );
+            }
+            if run.shows != Shows::Floor {
+                let texels = scene.backdrop().panorama().texels();
+                let out = match run.shows {
+                    Shows::Both => &mut self.behind[groups.clone()],
+                    _ => &mut row[groups.clone()],
+                };
+                kernel.sample(
+                    texels,
+                    backdrop_looks,
+                    looks_log2,
+                    &table.backdrop[entries.clone()],
+                    out,
+                );
+            }
+            if run.shows == Shows::Both {
+                let parts = &table.floor_part[entries];
+                let colours = row[groups.clone()].iter_mut().zip(&self.behind[groups]);
+                for ((front, behind), parts) in colours.zip(parts) {
+                    for i in 0..4 * GROUP {
+                        let (a, b) = (i32::from(front[i]), i32::from(behind[i]));
+                        front[i] = (b + (((a - b) * i32::from(parts[i / 4])) >> 7)) as i16;
+                    }
+                }
+            }
+        }
+        upright::draw_row(scene.uprights(), &self.faces, table, v, row);
+    }
+
+    /// Exposes the colours of row `v`.
+    fn shade_row(&mut self, v: usize, colours: &[Colours], noise: &Noise, out: &mut [u8]) {
+        let columns = self.light.columns;
+        let above = v / GROUP * columns;
+        let part = middle(v % GROUP);
+        for (grid, row) in [
+            (&self.light.gain, &mut self.gain_row),
+            (&self.light.glow, &mut self.glow_row),
+        ] {
+            between(
+                &grid[above..above + columns],
+                &grid[above + columns..above + 2 * columns],
+                part,
+                row,
+            );
+        }
+        // 64 a grey level at most 30: far beyond any camera, and within 16 bits.
+        let steps = |level: f64| (level.clamp(0.0, 30.0) * 64.0).round();
+        let fall = (steps(noise.dark) - steps(noise.bright)) * 32_768.0 / 4080.0;
+        let shading = Shading {
+            gain: &self.gain_row,
+            glow: &self.glow_row,
+            noise: self.noise.row(noise.seed, v),
+            noise_dark: steps(noise.dark) as i16,
+            noise_fall: fall.round() as i16,
+        };
+        self.kernel.shade(colours, &shading, out);
+    }
+
+    /// Logarithm (base 2) of the looks that motion during the exposure needs: about one a pixel of smear, 8 at most.
+    fn looks_for(&self, motion: &Motion) -> u32 {
+        let smear_px = motion.exposure_s
+            * (motion.speed_mps.abs() / self.finest_m + motion.yaw_rate_radps.abs() / self.table.pitch_rad);
+        match smear_px {
+            px if px < 0.75 => 0,
+            px if px < 2.0 => 1,
+            px if px < 6.0 => 2,
+            _ => MOST_LOOKS_LOG2,
+        }
+    }
+}
+
+/// Instants of the exposure: part of it from -0.5 to 0.5, for looks of 2^`log2`.
+fn instants(log2: u32) -> impl Iterator<Item = (usize, f64, f64)> {
+    let count = 1usize << log2;
+    (0..count).map(move |i| {
+        let part = |i: usize| (i as f64 + 0.5) / count as f64 - 0.5;
+        // Footprint and exposure are crossed in different orders, so that together they cover both.
+        (count - 1 + i, part(i), part((i * 5 + 3) % count))
+    })
+}
+
+fn floor_looks(scene: &Scene, shot: &Shot) -> Looks {
+    let mut looks: Looks = Default::default();
+    let motion = &shot.motion;
+    let per_texel = 1.0 / scene.metres_per_texel();
+    for log2 in 0..=MOST_LOOKS_LOG2 {
+        for (index, time, part) in instants(log2) {
+            let pose = if motion.exposure_s > 0.0 {
+                let elapsed_s = time * motion.exposure_s;
+                shot.world_from_vehicle
+                    .advance(motion.speed_mps, motion.yaw_rate_radps, elapsed_s)
+            } else {
+                shot.world_from_vehicle
+            };
+            let (sin, cos) = trig::sincos(pose.heading_rad);
+            let at = (pose.position() - scene.origin()) * per_texel * STEPS_PER_TEXEL;
+            let mut look = Look {
+                cos: cos as f32,
+                sin: sin as f32,
+                part: part as f32,
+                origin: [[0.0; 2]; LEVELS],
+            };
+            for (level, origin) in look.origin.iter_mut().enumerate() {
+                let shrink = 1.0 / f64::from(1u32 << level);
+                *origin = [
+                    (at.x * shrink + MipTexture::ORIGIN) as f32,
+                    (at.y * shrink + MipTexture::ORIGIN) as f32,
+                ];
+            }
+            looks[index] = look;
+        }
+    }
+    looks
+}
+
+fn backdrop_looks(shot: &Shot) -> Looks {
+    let mut looks: Looks = Default::default();
+    for log2 in 0..=MOST_LOOKS_LOG2 {
+        for (index, time, _) in instants(log2) {
+            let turned_rad = time * shot.motion.exposure_s * shot.motion.yaw_rate_radps;
+            looks[index] = Look {
+                cos: 1.0,
+                sin: 0.0,
+                part: 0.0,
+                origin: [Backdrop::origin(shot.world_from_vehicle.heading_rad, turned_rad); LEVELS],
+            };
+        }
+    }
+    looks
+}

@@ -1,0 +1,112 @@
+//! What all cameras of a world share: the floor with its levels, the room, lamps and upright things.
+
+use super::backdrop::{Backdrop, Room};
+use super::light::MirroredLamp;
+use super::texture::MipTexture;
+use super::upright::Upright;
+use senda_geom::Vec2;
+use senda_world::{FloorPainting, World, paint};
+use std::sync::OnceLock;
+
+/// A world made ready for cameras. Costs the painting of the floor once; simulators share it.
+#[derive(Debug)]
+pub struct Scene {
+    ground: MipTexture,
+    origin: Vec2,
+    metres_per_texel: f64,
+    glossy: bool,
+    room: Room,
+    backdrop: OnceLock<Backdrop>,
+    lamps: Vec<MirroredLamp>,
+    uprights: Vec<Upright>,
+}
+
+impl Scene {
+    /// Paints a world with texels of this size (m); larger where the world is too large for the painter's budget.
+    pub fn new(world: &World, metres_per_texel: f64) -> Self {
+        Self::of_painting(world, &paint::paint(world, metres_per_texel))
+    }
+
+    /// From a painting of the world's floor.
+    pub fn of_painting(world: &World, painting: &FloorPainting) -> Self {
+        let light = &world.light;
+        let colour = |rgb: [u8; 3]| rgb.map(|value| linear(f64::from(value) / 255.0));
+        // The painting's brightest place is 1: lamps are measured by the same scale.
+        let brightest = light.ambient + light.lamps.iter().map(|lamp| lamp.strength).fold(0.0, f64::max);
+        let lamps = light
+            .lamps
+            .iter()
+            .map(|lamp| {
+                // A disc of radiance L and radius r lights a white floor at distance h like L·(r/h)².
+                let spread = lamp.height_m / lamp.radius_m;
+                let radiance = lamp.strength / brightest.max(1e-6) * spread * spread;
+                MirroredLamp {
+                    position: lamp.position(),
+                    height_m: lamp.height_m,
+                    radius_m: lamp.radius_m,
+                    radiance: colour(lamp.colour.rgb).map(|value| value * radiance),
+                }
+            })
+            .collect();
+        let room = Room {
+            wall: colour(world.backdrop.horizon.rgb),
+            ceiling: colour(world.backdrop.zenith.rgb),
+            window_rad: light.direction_rad,
+            // Uneven light comes from windows; even light from above.
+            window: if light.gradient >= 0.1 { 1.0 + 8.0 * light.gradient } else { 0.0 },
+            light: colour(light.colour.rgb),
+        };
+        let glossy = painting.outside[3] > 0 || painting.texels.iter().any(|texel| texel[3] > 0);
+        Self {
+            ground: MipTexture::new(painting.width, painting.height, &painting.texels, painting.outside),
+            origin: painting.origin,
+            metres_per_texel: painting.metres_per_texel,
+            glossy,
+            room,
+            backdrop: OnceLock::new(),
+            lamps,
+            uprights: world
+                .things
+                .iter()
+                .flat_map(|thing| thing.faces())
+                .map(|face| Upright::new(&face, light))
+                .collect(),
+        }
+    }
+
+    /// Side of a texel of the floor (m).
+    pub fn metres_per_texel(&self) -> f64 {
+        self.metres_per_texel
+    }
+
+    /// Whether any of the floor reflects.
+    pub fn is_glossy(&self) -> bool {
+        self.glossy
+    }
+
+    /// The room around the floor, drawn when first needed.
+    pub fn backdrop(&self) -> &Backdrop {
+        self.backdrop.get_or_init(|| Backdrop::new(&self.room))
+    }
+
+    pub(super) fn ground(&self) -> &MipTexture {
+        &self.ground
+    }
+
+    pub(super) fn origin(&self) -> Vec2 {
+        self.origin
+    }
+
+    pub(super) fn lamps(&self) -> &[MirroredLamp] {
+        &self.lamps
+    }
+
+    pub(super) fn uprights(&self) -> &[Upright] {
+        &self.uprights
+    }
+}
+
+/// Light of an encoded value 0..=1. Pictures are kept as square roots of light, close to sRGB.
+fn linear(encoded: f64) -> f64 {
+    encoded * encoded
+}

@@ -1,0 +1,284 @@
+//! Upright textured things: faces drawn over the floor, the farthest first.
+
+use super::kernel::{COLOUR_SCALE, Colours, GROUP};
+use super::rays::RayTable;
+use super::texture::MipTexture;
+use senda_geom::{Camera, Pose2, Vec2, Vec3};
+use senda_world::{Face, Light};
+
+/// A face with its picture, lit.
+#[derive(Debug, Clone)]
+pub(super) struct Upright {
+    corner: Vec3,
+    right: Vec3,
+    down: Vec3,
+    normal: Vec3,
+    width_m: f64,
+    height_m: f64,
+    texture: MipTexture,
+    /// Texels a metre, along right and down.
+    texels_per_m: [f64; 2],
+}
+
+/// Texels along a face's longer side, at most.
+const MOST_TEXELS: f64 = 512.0;
+/// Finest texel (m).
+const FINEST_M: f64 = 0.001;
+
+impl Upright {
+    pub(super) fn new(face: &Face, light: &Light) -> Self {
+        let longest_m = face.width_m.max(face.height_m);
+        let texel_m = (longest_m / MOST_TEXELS).max(FINEST_M);
+        let count = |side_m: f64| ((side_m / texel_m).round() as usize).clamp(1, MOST_TEXELS as usize);
+        let (columns, rows) = (count(face.width_m), count(face.height_m));
+        let (step_x, step_y) = (face.width_m / columns as f64, face.height_m / rows as f64);
+        let level = brightness(face.normal, light);
+        let mut texels = Vec::with_capacity(columns * rows);
+        for j in 0..rows {
+            for i in 0..columns {
+                let mut sum = [0.0; 3];
+                for (du, dv) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
+                    let colour = face.texture.colour_at(
+                        (i as f64 + du) * step_x,
+                        (j as f64 + dv) * step_y,
+                        face.width_m,
+                        face.height_m,
+                    );
+                    sum = [0, 1, 2].map(|c| sum[c] + f64::from(colour.rgb[c]) * 0.25);
+                }
+                let lit = |c: usize| (sum[c] * level[c]).round().clamp(0.0, 255.0) as u8;
+                texels.push([lit(0), lit(1), lit(2), 0]);
+            }
+        }
+        // Blended at its edges, so what lies outside must not be seen: repeat a colour of its own.
+        let outside = texels[0];
+        Self {
+            corner: face.corner,
+            right: face.right,
+            down: face.down,
+            normal: face.normal,
+            width_m: face.width_m,
+            height_m: face.height_m,
+            texture: MipTexture::new(columns, rows, &texels, outside),
+            texels_per_m: [1.0 / step_x, 1.0 / step_y],
+        }
+    }
+
+    fn middle(&self) -> Vec3 {
+        self.corner + self.right * (0.5 * self.width_m) + self.down * (0.5 * self.height_m)
+    }
+}
+
+/// Encoded brightness of a face: ambient light from above and, on the lit side, from the light's direction.
+fn brightness(normal: Vec3, light: &Light) -> [f64; 3] {
+    let (sin, cos) = senda_geom::trig::sincos(light.elevation_rad);
+    let (sin_a, cos_a) = senda_geom::trig::sincos(light.direction_rad);
+    let facing = normal.dot(Vec3::new(cos * cos_a, cos * sin_a, sin)).max(0.0);
+    let level = (0.5 + 0.2 * normal.z + 0.35 * facing).min(1.0);
+    light
+        .colour
+        .rgb
+        .map(|value| f64::from(value) / 255.0 * level.sqrt())
+}
+
+/// A face ready for one frame, in the vehicle frame relative to the camera.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Ready {
+    index: usize,
+    distance_m: f64,
+    normal: [f32; 3],
+    /// normal · (corner - camera): negative in front of the face.
+    offset: f32,
+    right: [f32; 3],
+    down: [f32; 3],
+    right_offset: f32,
+    down_offset: f32,
+    first_row: usize,
+    end_row: usize,
+    first_column: usize,
+    end_column: usize,
+}
+
+/// Finds the faces that a camera sees and sorts them, the farthest first.
+pub(super) fn prepare(
+    faces: &[Upright],
+    camera: &Camera,
+    world_from_vehicle: Pose2,
+    table: &RayTable,
+    ready: &mut Vec<Ready>,
+) {
+    ready.clear();
+    if faces.is_empty() {
+        return;
+    }
+    let lens_in_vehicle = camera.mounting.position();
+    let vehicle_from_world = world_from_vehicle.inverse();
+    let turn = Pose2::new(0.0, 0.0, vehicle_from_world.heading_rad);
+    for (index, face) in faces.iter().enumerate() {
+        let point = |p: Vec3| {
+            let flat = vehicle_from_world.transform(Vec2::new(p.x, p.y));
+            Vec3::new(flat.x, flat.y, p.z)
+        };
+        let direction = |d: Vec3| {
+            let flat = turn.transform(Vec2::new(d.x, d.y));
+            Vec3::new(flat.x, flat.y, d.z)
+        };
+        let corner = point(face.corner) - lens_in_vehicle;
+        let (normal, right, down) = (direction(face.normal), direction(face.right), direction(face.down));
+        let offset = normal.dot(corner);
+        if offset > -1e-4 {
+            continue; // Seen from behind or along the edge.
+        }
+        let Some([first_column, end_column, first_row, end_row]) =
+            bounds(face, corner + lens_in_vehicle, right, down, camera, table)
+        else {
+            continue;
+        };
+        let single = |v: Vec3| [v.x as f32, v.y as f32, v.z as f32];
+        ready.push(Ready {
+            index,
+            distance_m: (point(face.middle()) - lens_in_vehicle).length(),
+            normal: single(normal),
+            offset: offset as f32,
+            right: single(right),
+            down: single(down),
+            right_offset: right.dot(corner) as f32,
+            down_offset: down.dot(corner) as f32,
+            first_row,
+            end_row,
+            first_column,
+            end_column,
+        });
+    }
+    ready.sort_unstable_by(|a, b| {
+        b.distance_m
+            .total_cmp(&a.distance_m)
+            .then(a.index.cmp(&b.index))
+    });
+}
+
+/// The pixels that may show a face: columns and rows from, to. `None`: it is out of sight.
+fn bounds(
+    face: &Upright,
+    corner: Vec3,
+    right: Vec3,
+    down: Vec3,
+    camera: &Camera,
+    table: &RayTable,
+) -> Option<[usize; 4]> {
+    /// Points along each edge: bent edges stay within the margin.
+    const STEPS: usize = 12;
+    let axis = camera.mounting.vehicle_from_camera().col(2);
+    let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
+    let (mut seen, mut behind) = (0, 0);
+    for i in 0..STEPS {
+        let part = i as f64 / STEPS as f64;
+        for (s, t) in [
+            (part, 0.0),
+            (1.0, part),
+            (1.0 - part, 1.0),
+            (0.0, 1.0 - part),
+        ] {
+            let point = corner + right * (s * face.width_m) + down * (t * face.height_m);
+            // Lens polynomials fold beyond their range: nothing behind the lens is trusted.
+            if (point - camera.mounting.position()).dot(axis) < 1e-3 {
+                behind += 1;
+            } else if let Some(pixel) = camera.pixel_from_point(point) {
+                (low, high) = (low.min(pixel), high.max(pixel));
+                seen += 1;
+            }
+        }
+    }
+    if seen == 0 {
+        return None;
+    }
+    if behind > 0 {
+        return Some([0, table.width, 0, table.height]);
+    }
+    let margin = 2.0 + 0.02 * (high - low).max_element();
+    let range = |low: f64, high: f64, most: usize| {
+        let from = (low - margin).clamp(0.0, most as f64) as usize;
+        let to = (high + margin).ceil().clamp(0.0, most as f64) as usize;
+        (from < to).then_some((from, to))
+    };
+    let (first_column, end_column) = range(low.x, high.x, table.width)?;
+    let (first_row, end_row) = range(low.y, high.y, table.height)?;
+    Some([first_column, end_column, first_row, end_row])
+}
+
+/// Draws the faces' pixels of row `v` over its colours.
+pub(super) fn draw_row(
+    faces: &[Upright],
+    ready: &[Ready],
+    table: &RayTable,
+    v: usize,
+    row: &mut [Colours],
+) {
+    let columns = table.groups_per_row * GROUP;
+    for item in ready {
+        if !(item.first_row..item.end_row).contains(&v) {
+            continue;
+        }
+        let face = &faces[item.index];
+        let (width, height) = (face.width_m as f32, face.height_m as f32);
+        let texels = face.texels_per_m.map(|value| value as f32);
+        let pitch = table.pitch_rad as f32;
+        let rays = &table.directions[v * columns + item.first_column..v * columns + item.end_column];
+        for (u, ray) in (item.first_column..).zip(rays) {
+            let steep = dot(item.normal, *ray);
+            if steep > -1e-6 {
+                continue;
+            }
+            let distance = item.offset / steep;
+            let s = distance * dot(item.right, *ray) - item.right_offset;
+            let t = distance * dot(item.down, *ray) - item.down_offset;
+            // A pixel's size on the face, across and along its slant.
+            let pixel = distance * pitch;
+            let slanted = pixel / -steep;
+            let (size_s, size_t) = (
+                between_sizes(pixel, slanted, dot(item.right, *ray)),
+                between_sizes(pixel, slanted, dot(item.down, *ray)),
+            );
+            let cover_s = covered(s, width, size_s);
+            let cover_t = covered(t, height, size_t);
+            let cover = cover_s * cover_t;
+            if cover <= 0.0 {
+                continue;
+            }
+            let texel = size_s.max(size_t) * texels[0].max(texels[1]) * 0.7;
+            // Logarithm (base 2) from the exponent's bits: the same everywhere.
+            let level = ((texel.max(1.0).to_bits() >> 23) - 127).min(12);
+            let colour = face.texture.look(
+                s.clamp(0.0, width) * texels[0],
+                t.clamp(0.0, height) * texels[1],
+                level,
+            );
+            let part = (cover * 256.0) as i32;
+            let out = &mut row[u / GROUP][4 * (u % GROUP)..][..4];
+            for c in 0..3 {
+                let old = i32::from(out[c]);
+                out[c] = (old + (((colour[c] - old) * part) >> 8)) as i16;
+            }
+            out[3] = (i32::from(out[3]) * (256 - part) >> 8) as i16;
+        }
+    }
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Size of a pixel along an axis of the face: `slanted` if the ray runs along that axis, `pixel` if across.
+fn between_sizes(pixel: f32, slanted: f32, along: f32) -> f32 {
+    pixel + (slanted - pixel) * along.abs().min(1.0)
+}
+
+/// How much of a pixel of `size` at `place` lies within 0..`extent`.
+fn covered(place: f32, extent: f32, size: f32) -> f32 {
+    let from_edge = if place < extent - place { place } else { extent - place };
+    // A face thinner than a pixel covers only part of it.
+    let most = (extent / size).min(1.0);
+    (from_edge / size + 0.5).clamp(0.0, most)
+}
+
+const _: () = assert!(COLOUR_SCALE == 127, "looks of textures and kernels have one scale");
