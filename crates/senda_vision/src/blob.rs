@@ -1,5 +1,7 @@
 //! One connected component of the thresholded residue, described by its moments (C5 in SPEC).
 
+use crate::BlobLimits;
+use crate::components::Moments;
 use senda_geom::{Vec2, trig};
 
 /// The middle of a blob in one row: where one run of its pixels lies.
@@ -60,6 +62,37 @@ impl LineBlob {
         ]
     }
 
+    /// Takes over everything that follows from the sums over its pixels, and empties the rows.
+    pub(crate) fn set_moments(&mut self, moments: &Moments, scale: &Scale) {
+        let n = moments.count as f64;
+        // Exact integers before the division: no cancellation, however far the blob is from the corner.
+        let spread = |product: u64, a: u64, b: u64| {
+            let exact = i128::from(moments.count) * i128::from(product) - i128::from(a) * i128::from(b);
+            exact as f64 / (n * n)
+        };
+        // A pixel is a square, whose own variance is 1/12: a row of single pixels has a thickness.
+        let uu = spread(moments.xx, moments.x, moments.x) + 1.0 / 12.0;
+        let vv = spread(moments.yy, moments.y, moments.y) + 1.0 / 12.0;
+        let uv = spread(moments.xy, moments.x, moments.y);
+        let (mean, half) = ((uu + vv) / 2.0, (uu - vv) / 2.0);
+        let radius = (half * half + uv * uv).sqrt();
+        self.area_px = n;
+        self.bounds = [moments.left, moments.top, moments.right, moments.bottom].map(f64::from);
+        self.centroid = Vec2::new(moments.x as f64 / n + 0.5, moments.y as f64 / n + 0.5);
+        self.lambda_max_px2 = mean + radius;
+        self.lambda_min_px2 = (mean - radius).max(1.0 / 12.0);
+        self.ellipticity = (self.lambda_max_px2 / self.lambda_min_px2).sqrt();
+        // The long axis is (sin φ, cos φ) in (u, v): its tip leans left going up when u grows with v.
+        self.orientation_rad = if radius > 0.0 {
+            0.5 * trig::atan2(2.0 * uv, vv - uu)
+        } else {
+            0.0
+        };
+        self.score = (7.0 * self.box_area_px() + n) * scale.size_factor + 150.0 * self.ellipticity;
+        self.residue_mean = 0.0;
+        self.rows.clear();
+    }
+
     /// Area of the bounding box (px²).
     pub fn box_area_px(&self) -> f64 {
         (self.bounds[2] - self.bounds[0]) * (self.bounds[3] - self.bounds[1])
@@ -85,4 +118,65 @@ pub enum Rejection {
     Orientation,
     /// Fills its box, is not slender and not large: a stain or a reflection.
     Compact,
+}
+
+/// How an image's size relates to the 320x240 that the limits are given for (C6 in SPEC).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scale {
+    width: f64,
+    height: f64,
+    /// 320 · 240 / (width · height).
+    size_factor: f64,
+}
+
+impl Scale {
+    /// For images of this size (px).
+    pub fn new(width: usize, height: usize) -> Self {
+        let (width, height) = (width as f64, height as f64);
+        Self {
+            width,
+            height,
+            size_factor: 320.0 * 240.0 / (width * height).max(1.0),
+        }
+    }
+
+    /// The area (px²) that a blob must exceed.
+    pub fn area_min(&self, limits: &BlobLimits) -> f64 {
+        self.width * self.height * limits.area_part
+    }
+
+    /// Whether a blob passes all limits of C5 in SPEC; if not, the first one that it fails.
+    pub fn check(&self, blob: &LineBlob, limits: &BlobLimits) -> Result<(), Rejection> {
+        let side = self.width * limits.side_part;
+        let part = blob.area_px / blob.box_area_px();
+        let compact = |[fill, ellipticity, score]: &[f64; 3]| {
+            part > *fill && blob.ellipticity < *ellipticity && blob.score < *score
+        };
+        let failures = [
+            (blob.area_px <= self.area_min(limits), Rejection::Area),
+            (blob.ellipticity <= limits.ellipticity, Rejection::Ellipticity),
+            (blob.score <= limits.score, Rejection::Score),
+            (
+                blob.lambda_min_px2 * self.size_factor <= limits.lambda_min_px2,
+                Rejection::LambdaMin,
+            ),
+            (
+                blob.lambda_max_px2 * self.size_factor <= limits.lambda_max_px2,
+                Rejection::LambdaMax,
+            ),
+            (
+                blob.centroid.x <= side || blob.centroid.x >= self.width - side,
+                Rejection::Side,
+            ),
+            (
+                blob.orientation_rad.abs() > limits.orientation_rad,
+                Rejection::Orientation,
+            ),
+            (limits.compact.iter().any(compact), Rejection::Compact),
+        ];
+        match failures.iter().find(|(failed, _)| *failed) {
+            Some((_, rejection)) => Err(*rejection),
+            None => Ok(()),
+        }
+    }
 }

@@ -1,6 +1,12 @@
 //! From a frame to the blobs that may be lines: C3 to C6 in SPEC.
 
-use crate::{Channel, Contrast, ExtractorOptions, LineBlob, WidthProfile};
+use crate::blob::{Rejection, Scale};
+use crate::blur::{FINE_BITS, GaussianBlur};
+use crate::components::Components;
+use crate::luminance::Grey;
+use crate::morphology::LineResidue;
+use crate::simd::{Kernel, Level};
+use crate::{Contrast, ExtractorOptions, LineBlob, RowPoint, WidthProfile};
 use senda_core::Image;
 
 /// What the log keeps of each extraction (C15 in SPEC), in grey levels of the blurred residue.
@@ -30,20 +36,73 @@ pub struct LineExtractor {
     width: usize,
     height: usize,
     options: ExtractorOptions,
+    scale: Scale,
+    level: Level,
+    grey: Vec<u8>,
+    blurred: Vec<u8>,
+    residue: Vec<u8>,
+    fine: Vec<u16>,
+    mask_row: Vec<u8>,
+    blur: GaussianBlur,
+    filter: LineResidue,
+    components: Components,
+    /// For each component the index of its blob, or `NONE`.
+    blob_of: Vec<u32>,
+    /// Blobs of this frame first (`found`), then spare ones whose memory waits to be used again.
     blobs: Vec<LineBlob>,
+    found: usize,
+    rejected: Vec<Rejection>,
     statistics: Statistics,
 }
+
+const NONE: u32 = u32::MAX;
+
+/// The image width that lengths in options and limits refer to (C3, C5 in SPEC).
+const REFERENCE_WIDTH_PX: f64 = 320.0;
 
 impl LineExtractor {
     /// For frames of `width` x `height` pixels; `profile` may be for another size, it is scaled (C6).
     pub fn new(width: usize, height: usize, profile: &WidthProfile, options: ExtractorOptions) -> Self {
-        let _ = profile;
+        Self::with_level(width, height, profile, options, Level::detect())
+    }
+
+    pub(crate) fn with_level(
+        width: usize,
+        height: usize,
+        profile: &WidthProfile,
+        options: ExtractorOptions,
+        level: Level,
+    ) -> Self {
+        let profile = profile.scaled(width as u32, height as u32);
+        let sigma_px = options.blur_sigma_px * width as f64 / REFERENCE_WIDTH_PX;
+        let widths = (0..height).map(|y| {
+            let expected = profile.at(y as f64 + 0.5);
+            if expected < options.width_min_px {
+                return (0, 0);
+            }
+            let narrow = (expected * options.narrow_part).floor();
+            let wide = (expected * options.wide_part).ceil();
+            (narrow as usize, wide as usize)
+        });
         Self {
+            scale: Scale::new(width, height),
+            grey: vec![0; width * height],
+            blurred: vec![0; width * height],
+            residue: vec![0; width * height],
+            fine: vec![0; width * height],
+            mask_row: vec![0; width.next_multiple_of(8)],
+            blur: GaussianBlur::with_level(sigma_px, level),
+            filter: LineResidue::with_level(width, widths, level),
+            components: Components::with_size(width, height),
+            blob_of: Vec::new(),
+            blobs: Vec::new(),
+            found: 0,
+            rejected: Vec::new(),
+            statistics: Statistics::default(),
             width,
             height,
             options,
-            blobs: Vec::new(),
-            statistics: Statistics::default(),
+            level,
         }
     }
 
@@ -62,6 +121,11 @@ impl LineExtractor {
         &self.options
     }
 
+    /// Narrow and wide width of the two filters (px) in each row; (0, 0) where no line is expected.
+    pub fn filter_widths(&self) -> &[(usize, usize)] {
+        self.filter.widths()
+    }
+
     /// Looks for the channel and contrast in which this frame shows its lines best (C4, and coloured tape of the
     /// floor's brightness: A5 in SPEC), and uses that channel from now on. Luminance unless another is clearly better.
     pub fn decide(&mut self, image: &Image) -> Contrast {
@@ -70,15 +134,29 @@ impl LineExtractor {
 
     /// Both ways of looking at a frame: the sums of the scores of the blobs that pass (C4).
     pub fn contrast_scores(&mut self, image: &Image) -> ContrastScores {
-        let _ = image;
-        ContrastScores::default()
+        let mut total = |contrast| self.extract(image, contrast).iter().map(|blob| blob.score).sum();
+        ContrastScores {
+            dark: total(Contrast::Dark),
+            light: total(Contrast::Light),
+        }
     }
 
     /// Whether the frame shows dark or light lines (C4): the larger total score wins; without any accepted blob the
     /// stronger residue.
     pub fn decide_contrast(&mut self, image: &Image) -> Contrast {
-        let _ = image;
-        Contrast::Dark
+        self.extract(image, Contrast::Dark);
+        let dark = (self.total_score(), self.statistics.max);
+        self.extract(image, Contrast::Light);
+        let light = (self.total_score(), self.statistics.max);
+        if light > dark {
+            Contrast::Light
+        } else {
+            Contrast::Dark
+        }
+    }
+
+    fn total_score(&self) -> f64 {
+        self.blobs().iter().map(|blob| blob.score).sum()
     }
 
     /// The blobs that pass all limits of C5, largest score first. Valid until the next call.
@@ -86,18 +164,173 @@ impl LineExtractor {
     /// A frame of another size than the extractor's is stretched over it by nearest neighbour, so that a camera that
     /// changes its mode costs precision, not the drive. An empty image gives no blobs.
     pub fn extract(&mut self, image: &Image, contrast: Contrast) -> &[LineBlob] {
-        let _ = (image, contrast, Channel::Luminance);
-        self.blobs.clear();
-        &self.blobs
+        self.found = 0;
+        self.rejected.clear();
+        self.statistics = Statistics::default();
+        if image.is_empty() || self.grey.is_empty() {
+            return &[];
+        }
+        self.convert(image);
+        self.blur.blur(&self.grey, self.width, &mut self.blurred);
+        self.filter.filter(&self.blurred, contrast, &mut self.residue);
+        self.blur.blur_fine(&self.residue, self.width, &mut self.fine);
+        self.measure();
+        if self.statistics.max >= self.options.residue_min {
+            self.label();
+            self.describe();
+        }
+        self.blobs()
     }
 
     /// The accepted blobs of the last [`LineExtractor::extract`].
     pub fn blobs(&self) -> &[LineBlob] {
-        &self.blobs
+        &self.blobs[..self.found]
+    }
+
+    /// Why the other components of the last extraction were refused, in the order of their first pixels.
+    pub fn rejected(&self) -> &[Rejection] {
+        &self.rejected
     }
 
     /// Mean, maximum and threshold of the last extraction.
     pub fn statistics(&self) -> Statistics {
         self.statistics
+    }
+
+    fn convert(&mut self, image: &Image) {
+        let grey = Grey::new(self.options.channel);
+        if (image.width(), image.height()) == (self.width, self.height) {
+            grey.convert(image, &mut self.grey, self.level);
+        } else {
+            for y in 0..self.height {
+                let from_y = y * image.height() / self.height;
+                for x in 0..self.width {
+                    let from_x = x * image.width() / self.width;
+                    self.grey[y * self.width + x] = grey.of_pixel(image.pixel(from_x, from_y));
+                }
+            }
+        }
+    }
+
+    fn measure(&mut self) {
+        let (sum, max) = self.level.run(SumAndMax(&self.fine));
+        let one = f64::from(1 << FINE_BITS);
+        let mean = sum as f64 / self.fine.len() as f64 / one;
+        let max = f64::from(max) / one;
+        let threshold = self.options.threshold_mean_factor * mean + self.options.threshold_max_part * max;
+        self.statistics = Statistics { mean, max, threshold };
+    }
+
+    fn label(&mut self) {
+        let threshold = (self.statistics.threshold * f64::from(1 << FINE_BITS)).floor() as u16;
+        let (fine, width, level) = (&self.fine, self.width, self.level);
+        self.components.label(self.height, &mut self.mask_row, |y, mask| {
+            level.run(Threshold {
+                values: &fine[y * width..(y + 1) * width],
+                threshold,
+                mask,
+            });
+        });
+    }
+
+    fn describe(&mut self) {
+        self.blob_of.clear();
+        for moments in self.components.moments() {
+            // Most components are specks: their area settles it.
+            if moments.count as f64 <= self.scale.area_min(&self.options.limits) {
+                self.rejected.push(Rejection::Area);
+                self.blob_of.push(NONE);
+                continue;
+            }
+            if self.found == self.blobs.len() {
+                self.blobs.push(LineBlob::default());
+            }
+            let blob = &mut self.blobs[self.found];
+            blob.set_moments(moments, &self.scale);
+            match self.scale.check(blob, &self.options.limits) {
+                Ok(()) => {
+                    self.blob_of.push(self.found as u32);
+                    self.found += 1;
+                }
+                Err(rejection) => {
+                    self.rejected.push(rejection);
+                    self.blob_of.push(NONE);
+                }
+            }
+        }
+        if self.found == 0 {
+            return;
+        }
+        for run in self.components.runs() {
+            let index = self.blob_of[run.component as usize];
+            if index == NONE {
+                continue;
+            }
+            let row = run.y as usize * self.width;
+            let (start, end) = (run.start as usize, run.end as usize);
+            let (mut sum, mut moment) = (0u64, 0u64);
+            for (i, value) in self.fine[row + start..row + end].iter().enumerate() {
+                sum += u64::from(*value);
+                moment += u64::from(*value) * i as u64;
+            }
+            let blob = &mut self.blobs[index as usize];
+            blob.residue_mean += sum as f64;
+            blob.rows.push(RowPoint {
+                v: f64::from(run.y) + 0.5,
+                u: start as f64 + 0.5 + moment as f64 / sum.max(1) as f64,
+                width_px: (end - start) as f64,
+                at_edge: start == 0 || end == self.width,
+            });
+        }
+        let blobs = &mut self.blobs[..self.found];
+        for blob in blobs.iter_mut() {
+            blob.residue_mean /= blob.area_px * f64::from(1 << FINE_BITS);
+        }
+        // Equal scores: the upper left one first. The unstable sort allocates nothing.
+        blobs.sort_unstable_by(|a, b| {
+            b.score
+                .total_cmp(&a.score)
+                .then(a.bounds[1].total_cmp(&b.bounds[1]))
+                .then(a.bounds[0].total_cmp(&b.bounds[0]))
+        });
+    }
+}
+
+struct SumAndMax<'a>(&'a [u16]);
+
+impl Kernel for SumAndMax<'_> {
+    type Output = (u64, u16);
+
+    #[inline(always)]
+    fn run(self) -> (u64, u16) {
+        let (mut sum, mut max) = (0u64, 0u16);
+        // 65,536 values of 16 bits fit in 32 bits; 4,096 keep well inside.
+        for piece in self.0.chunks(4096) {
+            let (mut part, mut part_max) = (0u32, 0u16);
+            for value in piece {
+                part += u32::from(*value);
+                part_max = part_max.max(*value);
+            }
+            sum += u64::from(part);
+            max = max.max(part_max);
+        }
+        (sum, max)
+    }
+}
+
+struct Threshold<'a> {
+    values: &'a [u16],
+    threshold: u16,
+    mask: &'a mut [u8],
+}
+
+impl Kernel for Threshold<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (mask, value) in self.mask.iter_mut().zip(self.values) {
+            *mask = u8::from(*value > self.threshold);
+        }
     }
 }

@@ -26,12 +26,18 @@
 //! This crate does not know who calls it, no files (except text handed to [`calibration`]), no clock, and nothing
 //! about time: each frame stands alone. Which blob is *the* line is the drivers' decision.
 
-pub mod blob;
 pub mod extractor;
-pub mod floor_line;
-pub mod floor_map;
 pub mod options;
 pub mod width_profile;
+pub mod luminance;
+pub mod blur;
+pub mod morphology;
+pub mod components;
+pub mod blob;
+pub mod floor_line;
+pub mod floor_map;
+
+mod simd;
 
 pub mod calibration;
 

@@ -87,6 +87,9 @@ pub struct ExtractorOptions {
     /// Width of the second filter as part of the expected line width: wider things vanish. A line that leans by φ is
     /// 1/cos φ times as wide along a row.
     pub wide_part: f64,
+    /// Rows where the line is expected to be narrower than this are ignored (px of the image in use): there it is
+    /// no wider than the noise, or beyond the horizon.
+    pub width_min_px: f64,
     /// Threshold = `threshold_mean_factor` · mean + `threshold_max_part` · maximum of the residue (1.5, C3).
     pub threshold_mean_factor: f64,
     /// See `threshold_mean_factor` (1/15, C3).
@@ -104,6 +107,7 @@ impl Default for ExtractorOptions {
             blur_sigma_px: 2.0,
             narrow_part: 0.5,
             wide_part: 2.0,
+            width_min_px: 1.5,
             threshold_mean_factor: 1.5,
             threshold_max_part: 1.0 / 15.0,
             residue_min: 2.0,

@@ -1,0 +1,105 @@
+//! From colour pixels to the grey picture in which lines are sought.
+
+use crate::Channel;
+use crate::simd::{Kernel, Level};
+use senda_core::{Channels, Image};
+
+/// A [`Channel`] made ready for pixels: integer weights.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Grey {
+    Luminance,
+    Chroma,
+    /// Weights with 7 fraction bits.
+    Projection([i16; 3]),
+}
+
+impl Grey {
+    pub(crate) fn new(channel: Channel) -> Self {
+        match channel {
+            Channel::Luminance => Self::Luminance,
+            Channel::Chroma => Self::Chroma,
+            Channel::Projection { red, green, blue } => {
+                let fixed = |weight: f64| (weight.clamp(-1.0, 1.0) * 128.0).round() as i16;
+                Self::Projection([fixed(red), fixed(green), fixed(blue)])
+            }
+        }
+    }
+
+    /// The grey value of one pixel of one or three bytes.
+    pub(crate) fn of_pixel(self, pixel: &[u8]) -> u8 {
+        match pixel {
+            [r, g, b] => self.of_rgb([*r, *g, *b]),
+            _ => pixel[0],
+        }
+    }
+
+    #[inline(always)]
+    fn of_rgb(self, [r, g, b]: [u8; 3]) -> u8 {
+        match self {
+            Self::Luminance => {
+                ((77 * u16::from(r) + 150 * u16::from(g) + 29 * u16::from(b) + 128) >> 8) as u8
+            }
+            Self::Chroma => r.max(g).max(b) - r.min(g).min(b),
+            Self::Projection([red, green, blue]) => {
+                let sum = i32::from(red) * i32::from(r)
+                    + i32::from(green) * i32::from(g)
+                    + i32::from(blue) * i32::from(b);
+                (128 + ((sum + 64) >> 7)).clamp(0, 255) as u8
+            }
+        }
+    }
+
+    /// Fills `target` (one byte a pixel) from `image`. A gray image is taken as it is, whatever the channel.
+    pub(crate) fn convert(self, image: &Image, target: &mut [u8], level: Level) {
+        let pixels = image.pixels();
+        match image.channels() {
+            Channels::Gray => target.copy_from_slice(pixels),
+            Channels::Rgb => level.run(Convert {
+                grey: self,
+                pixels,
+                target,
+            }),
+        }
+    }
+}
+
+/// Luminance of RGB pixels: 0.299 R + 0.587 G + 0.114 B with weights of 8 fraction bits (77, 150, 29), so within one
+/// grey level of the exact sum (C3 in SPEC).
+///
+/// # Panics
+/// When `target` has not one byte for every three of `rgb`.
+pub fn luminance(rgb: &[u8], target: &mut [u8]) {
+    assert_eq!(rgb.len(), 3 * target.len());
+    Level::detect().run(Convert {
+        grey: Grey::Luminance,
+        pixels: rgb,
+        target,
+    });
+}
+
+struct Convert<'a> {
+    grey: Grey,
+    pixels: &'a [u8],
+    target: &'a mut [u8],
+}
+
+impl Kernel for Convert<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        // The kind is settled outside the loops, so that each becomes straight vector code.
+        match self.grey {
+            Grey::Luminance => convert(Grey::Luminance, self.pixels, self.target),
+            Grey::Chroma => convert(Grey::Chroma, self.pixels, self.target),
+            Grey::Projection(weights) => convert(Grey::Projection(weights), self.pixels, self.target),
+        }
+    }
+}
+
+#[inline(always)]
+fn convert(grey: Grey, pixels: &[u8], target: &mut [u8]) {
+    for (to, pixel) in target.iter_mut().zip(pixels.as_chunks::<3>().0) {
+        *to = grey.of_rgb(*pixel);
+    }
+}
