@@ -8,9 +8,12 @@ pub mod replay;
 pub mod tub;
 pub mod writer;
 
+mod calendar;
 mod container;
+mod imported;
 mod messages;
 mod reader;
+mod store;
 mod warnings;
 
 pub use error::DataError;
