@@ -1,0 +1,115 @@
+//! How far two drivers agree on the same frames: a human's recorded steering against a driver's.
+
+use crate::statistics::{correlation, mean, median, root_mean_square};
+use serde::{Deserialize, Serialize};
+
+/// Agreement of two steerings, in the unit that both were given in. Differences are `driver - reference`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Agreement {
+    /// Frames given.
+    pub frames: u64,
+    /// Frames where the driver answered with a number: those compared.
+    pub compared: u64,
+    /// Part of the frames where the driver found what it follows (0..=1).
+    pub found_rate: f64,
+    /// Pearson's correlation; `None` when one side never changes.
+    pub correlation: Option<f64>,
+    /// Part of the frames that steer to the same side, among those where the reference steers by more than `dead_band`.
+    pub sign_agreement: Option<f64>,
+    /// The band around straight that counts as no side.
+    pub dead_band: f64,
+    /// Mean absolute difference (MAE).
+    pub mean_absolute_error: Option<f64>,
+    /// Root mean square difference (RMSE, B6 in SPEC).
+    pub root_mean_square_error: Option<f64>,
+    /// Median absolute difference: what an ordinary frame shows.
+    pub median_absolute_error: Option<f64>,
+    /// Mean difference: a camera mounted askew or a steering trim.
+    pub offset: Option<f64>,
+    /// Mean absolute difference after the offset is taken out.
+    pub compensated_error: Option<f64>,
+    /// Mean absolute difference of a driver that always answers with the reference's median: the figure to beat.
+    pub constant_error: Option<f64>,
+}
+
+/// Compares frame by frame. `driver[i]` is `None` where the driver did not find what it follows; such frames lower the
+/// found rate and count in no error. Pairs with a number that is not finite are left out.
+pub fn agreement(reference: &[f64], driver: &[Option<f64>], dead_band: f64) -> Agreement {
+    let frames = reference.len().min(driver.len());
+    let pairs: Vec<(f64, f64)> = reference
+        .iter()
+        .zip(driver)
+        .filter_map(|(reference, driver)| Some((*reference, (*driver)?)))
+        .filter(|(reference, driver)| reference.is_finite() && driver.is_finite())
+        .collect();
+    let differences: Vec<f64> = pairs
+        .iter()
+        .map(|(reference, driver)| driver - reference)
+        .collect();
+    let absolute = |values: &[f64], around: f64| -> Vec<f64> {
+        values.iter().map(|value| (value - around).abs()).collect()
+    };
+    let sided: Vec<f64> = pairs
+        .iter()
+        .filter(|(reference, _)| reference.abs() > dead_band)
+        .map(|(reference, driver)| if reference * driver > 0.0 { 1.0 } else { 0.0 })
+        .collect();
+    let offset = mean(&differences);
+    let references: Vec<f64> = pairs.iter().map(|pair| pair.0).collect();
+    Agreement {
+        frames: frames as u64,
+        compared: pairs.len() as u64,
+        found_rate: if frames == 0 {
+            0.0
+        } else {
+            pairs.len() as f64 / frames as f64
+        },
+        correlation: correlation(&pairs),
+        sign_agreement: mean(&sided),
+        dead_band,
+        mean_absolute_error: mean(&absolute(&differences, 0.0)),
+        root_mean_square_error: root_mean_square(&differences),
+        median_absolute_error: median(&absolute(&differences, 0.0)),
+        offset,
+        compensated_error: offset.and_then(|offset| mean(&absolute(&differences, offset))),
+        constant_error: median(&references).and_then(|middle| mean(&absolute(&references, middle))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_constant_offset_is_found_and_taken_out() {
+        let human: Vec<f64> = (0..100).map(|i| f64::from(i % 21) / 10.0 - 1.0).collect();
+        let driver: Vec<Option<f64>> = human.iter().map(|h| Some(h + 0.25)).collect();
+        let found = agreement(&human, &driver, 0.05);
+        let close = |a: Option<f64>, b: f64| assert!((a.unwrap() - b).abs() < 1e-12, "{a:?} {b}");
+        close(found.correlation, 1.0);
+        close(found.offset, 0.25);
+        close(found.mean_absolute_error, 0.25);
+        close(found.root_mean_square_error, 0.25);
+        close(found.median_absolute_error, 0.25);
+        assert!(found.compensated_error.unwrap() < 1e-12);
+        assert!(found.sign_agreement.unwrap() < 1.0);
+    }
+
+    #[test]
+    fn frames_without_an_answer_lower_the_found_rate_only() {
+        let found = agreement(
+            &[0.5, -0.5, 0.5, f64::NAN],
+            &[Some(0.5), None, Some(0.4), Some(0.0)],
+            0.1,
+        );
+        assert_eq!((found.frames, found.compared, found.found_rate), (4, 2, 0.5));
+        assert_eq!(found.sign_agreement, Some(1.0));
+        assert!((found.mean_absolute_error.unwrap() - 0.05).abs() < 1e-12);
+    }
+
+    #[test]
+    fn nothing_to_compare_is_not_a_number_out_of_nothing() {
+        let found = agreement(&[], &[], 0.0);
+        assert_eq!(found, Agreement::default());
+    }
+}
