@@ -1,6 +1,6 @@
 //! Paths on the floor with station (distance along) and offset (distance to the left).
 
-use crate::{Pose2, Segment, Vec2, angle, trig};
+use crate::{Pose2, Segment, Vec2, angle, spline, trig};
 
 /// A path as finely spaced samples, open or closed. Station runs from 0 to [`Curve::length_m`].
 ///
@@ -21,6 +21,9 @@ struct Sample {
     curvature_per_m: f64,
 }
 
+/// The most evaluations that sampling a path may take: a second or so, and 100 km at 1 cm. A guess at "never meant".
+const LARGEST_WORK: f64 = 1e7;
+
 /// Where a point lies relative to a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
@@ -37,6 +40,9 @@ pub enum CurveError {
     TooFewPoints,
     /// A length that is zero, negative or not finite; holds the index of the piece or point.
     BadLength(usize),
+    /// So long, or so tightly wound, that sampling it would take minutes or gigabytes; holds the index of the piece
+    /// or point.
+    TooLong(usize),
 }
 
 impl std::fmt::Display for CurveError {
@@ -46,6 +52,10 @@ impl std::fmt::Display for CurveError {
             Self::BadLength(index) => write!(
                 f,
                 "piece {index} has a length or coordinate that is not positive and finite"
+            ),
+            Self::TooLong(index) => write!(
+                f,
+                "piece {index} is too long or too tightly wound: expected a path of kilometres at most"
             ),
         }
     }
@@ -68,15 +78,17 @@ impl Curve {
             return Err(CurveError::TooFewPoints);
         }
         let mut samples = Vec::new();
-        let (mut pose, mut station_m) = (start, 0.0);
+        let (mut pose, mut station_m, mut work) = (start, 0.0, 0.0);
         for (index, segment) in segments.iter().enumerate() {
-            if !(segment.length_m > 0.0 && segment.length_m.is_finite())
-                || !segment.start_curvature_per_m.is_finite()
-                || !segment.end_curvature_per_m.is_finite()
-            {
+            if !segment.is_possible() {
                 return Err(CurveError::BadLength(index));
             }
-            let steps = (segment.length_m / spacing_m).ceil().max(1.0) as usize;
+            let steps = (segment.length_m / spacing_m).ceil().max(1.0);
+            work += steps * segment.effort();
+            if work > LARGEST_WORK {
+                return Err(CurveError::TooLong(index));
+            }
+            let steps = steps as usize;
             for i in 0..steps {
                 let distance_m = segment.length_m * i as f64 / steps as f64;
                 let at = segment.pose_at(pose, distance_m);
@@ -108,48 +120,7 @@ impl Curve {
     /// a piece). Two points give a straight line. Repeated neighbours are merged; a closed curve does not repeat
     /// its first point.
     pub fn from_points(points: &[Vec2], closed: bool) -> Result<Self, CurveError> {
-        if let Some(bad) = points.iter().position(|p| !p.is_finite()) {
-            return Err(CurveError::BadLength(bad));
-        }
-        let mut distinct: Vec<Vec2> = Vec::with_capacity(points.len());
-        for point in points {
-            if distinct
-                .last()
-                .is_none_or(|last| (*point - *last).length() > 1e-6)
-            {
-                distinct.push(*point);
-            }
-        }
-        if closed && distinct.len() > 1 && (distinct[0] - distinct[distinct.len() - 1]).length() <= 1e-6 {
-            distinct.pop();
-        }
-        if distinct.len() < 2 || (closed && distinct.len() < 3) {
-            return Err(CurveError::TooFewPoints);
-        }
-        let count = distinct.len() as isize;
-        let at = |i: isize| -> Vec2 {
-            if closed {
-                distinct[i.rem_euclid(count) as usize]
-            } else if i < 0 {
-                distinct[0] * 2.0 - distinct[1]
-            } else if i >= count {
-                distinct[(count - 1) as usize] * 2.0 - distinct[(count - 2) as usize]
-            } else {
-                distinct[i as usize]
-            }
-        };
-        let total: f64 = (0..count - 1).map(|i| (at(i + 1) - at(i)).length()).sum();
-        let spacing_m = (total / 4000.0).clamp(0.002, 0.5);
-        let pieces = if closed { count } else { count - 1 };
-        let mut dense = Vec::new();
-        for i in 0..pieces {
-            let (p0, p1, p2, p3) = (at(i - 1), at(i), at(i + 1), at(i + 2));
-            let steps = ((p2 - p1).length() / spacing_m).ceil().max(1.0) as usize;
-            for k in 0..steps {
-                dense.push(catmull_rom(p0, p1, p2, p3, k as f64 / steps as f64));
-            }
-        }
-        dense.push(if closed { distinct[0] } else { at(count - 1) });
+        let dense = spline::dense_points(points, closed)?;
         Ok(Self::from_dense(&dense, closed))
     }
 
@@ -431,18 +402,6 @@ fn direction(heading_rad: f64) -> Vec2 {
     Vec2::new(cos, sin)
 }
 
-/// Barry-Goldman evaluation with centripetal knots, `part` in 0..1 between p1 and p2.
-fn catmull_rom(p0: Vec2, p1: Vec2, p2: Vec2, p3: Vec2, part: f64) -> Vec2 {
-    let knot = |a: Vec2, b: Vec2| (b - a).length().sqrt().max(1e-9);
-    let (t0, t1) = (0.0, knot(p0, p1));
-    let t2 = t1 + knot(p1, p2);
-    let t3 = t2 + knot(p2, p3);
-    let t = t1 + (t2 - t1) * part;
-    let mix = |a: Vec2, b: Vec2, ta: f64, tb: f64| a * ((tb - t) / (tb - ta)) + b * ((t - ta) / (tb - ta));
-    let (a1, a2, a3) = (mix(p0, p1, t0, t1), mix(p1, p2, t1, t2), mix(p2, p3, t2, t3));
-    mix(mix(a1, a2, t0, t2), mix(a2, a3, t1, t3), t1, t2)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -513,6 +472,21 @@ mod tests {
         );
         let zero = Curve::from_segments(Pose2::default(), &[Segment::straight(0.0)], 0.01, false);
         assert_eq!(zero, Err(CurveError::BadLength(0)));
+    }
+
+    /// A length of 1e12 m asked for 1e14 samples, and a coordinate of 1e300 for more than memory holds: the program was
+    /// killed instead of naming the piece.
+    #[test]
+    fn paths_beyond_reason_are_refused_before_they_take_memory() {
+        let pieces = [Segment::straight(1.0), Segment::straight(1e12)];
+        let long = Curve::from_segments(Pose2::default(), &pieces, 0.01, false);
+        assert_eq!(long, Err(CurveError::TooLong(1)));
+        let wound = Curve::from_segments(Pose2::default(), &[Segment::clothoid(1e3, 0.0, 1e9)], 0.01, false);
+        assert_eq!(wound, Err(CurveError::TooLong(0)));
+        for far in [1e9, 1e155, 1e300] {
+            let spline = Curve::from_points(&[Vec2::ZERO, Vec2::X, Vec2::new(far, 0.0)], false);
+            assert_eq!(spline, Err(CurveError::TooLong(2)), "{far}");
+        }
     }
 
     #[test]

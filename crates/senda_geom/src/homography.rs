@@ -84,7 +84,8 @@ fn normalisation(points: &[Vec2]) -> Option<Mat3> {
     let count = points.len() as f64;
     let centre = points.iter().copied().sum::<Vec2>() / count;
     let spread = points.iter().map(|p| (*p - centre).length()).sum::<f64>() / count;
-    if !(spread > 1e-12) {
+    // Equal points, or one that is not a number.
+    if spread.is_nan() || spread <= 1e-12 {
         return None;
     }
     let scale = std::f64::consts::SQRT_2 / spread;

@@ -19,15 +19,19 @@ pub mod angle;
 pub mod camera;
 pub mod curve;
 pub mod homography;
+pub mod lens;
 pub mod pose;
 pub mod segment;
 pub mod tracker;
 pub mod trig;
 
-pub use camera::{Camera, Lens, Mounting};
+mod spline;
+
+pub use camera::{Camera, Mounting};
 pub use curve::{Curve, CurveError, Place};
 pub use glam::{DMat3 as Mat3, DVec2 as Vec2, DVec3 as Vec3};
 pub use homography::Homography;
+pub use lens::Lens;
 pub use pose::Pose2;
 pub use segment::Segment;
 pub use tracker::Tracker;

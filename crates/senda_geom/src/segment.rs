@@ -56,11 +56,7 @@ impl Segment {
     pub fn pose_at(&self, start: Pose2, distance_m: f64) -> Pose2 {
         let slope = (self.end_curvature_per_m - self.start_curvature_per_m) / self.length_m;
         let heading = |s: f64| start.heading_rad + self.start_curvature_per_m * s + 0.5 * slope * s * s;
-        let max_curvature = self
-            .start_curvature_per_m
-            .abs()
-            .max(self.end_curvature_per_m.abs());
-        let steps = ((max_curvature * distance_m.abs() / 0.2).ceil() as usize).max(1);
+        let steps = self.quadrature_steps(distance_m) as usize;
         let step = distance_m / steps as f64;
         // Three-point Gauss-Legendre nodes and weights on [0, 1].
         let half_width = 0.5 * (0.6f64).sqrt();
@@ -78,6 +74,27 @@ impl Segment {
             }
         }
         Pose2::new(x, y, heading(distance_m))
+    }
+
+    /// Whether its length is positive and everything about it is finite.
+    pub(crate) fn is_possible(&self) -> bool {
+        self.length_m > 0.0
+            && self.length_m.is_finite()
+            && self.start_curvature_per_m.is_finite()
+            && self.end_curvature_per_m.is_finite()
+    }
+
+    /// Evaluations that the pose at its end takes.
+    pub(crate) fn effort(&self) -> f64 {
+        self.quadrature_steps(self.length_m)
+    }
+
+    fn quadrature_steps(&self, distance_m: f64) -> f64 {
+        let max_curvature_per_m = self
+            .start_curvature_per_m
+            .abs()
+            .max(self.end_curvature_per_m.abs());
+        (max_curvature_per_m * distance_m.abs() / 0.2).ceil().max(1.0)
     }
 }
 

@@ -15,7 +15,10 @@ const WINDOW_M: f64 = 0.5;
 impl Tracker {
     /// Begins at a station.
     pub fn new(station_m: f64) -> Self {
-        Self { station_m, travelled_m: 0.0 }
+        Self {
+            station_m,
+            travelled_m: 0.0,
+        }
     }
 
     /// Takes the point's next position. `Place::station_m` is within the curve; [`Tracker::travelled_m`] is not wrapped.
