@@ -111,27 +111,70 @@ impl Body {
 mod tests {
     use super::*;
 
-    #[test]
-    fn every_turn_means_the_same_path() {
-        let body = Body {
-            name: "car".into(),
-            steering: Steering::Ackermann {
-                wheelbase_m: 0.2,
-                steering_limit_rad: 0.5,
-            },
+    fn body(steering: Steering) -> Body {
+        Body {
+            name: "vehicle".into(),
+            steering,
             width_m: 0.1,
             length_m: 0.3,
             speed_limit_mps: 1.0,
             yaw_rate_limit_radps: 5.0,
             period_s: 0.05,
             cameras: vec![],
-        };
-        let curvature = Turn::CurvaturePerM(1.5);
-        let steering = Turn::SteeringRad(body.steering_of(curvature, 0.4));
-        let rate = Turn::YawRateRadps(body.yaw_rate_of(curvature, 0.4));
-        for turn in [curvature, steering, rate] {
-            assert!((body.curvature_of(turn, 0.4) - 1.5).abs() < 1e-9);
-            assert!((body.yaw_rate_of(turn, 0.4) - 0.6).abs() < 1e-9);
         }
+    }
+
+    const CAR: Steering = Steering::Ackermann {
+        wheelbase_m: 0.2,
+        steering_limit_rad: 0.5,
+    };
+    const UNICYCLE: Steering = Steering::Differential { track_m: 0.11 };
+
+    #[test]
+    fn every_turn_means_the_same_path() {
+        for (steering, speed_mps) in [(CAR, 0.4), (CAR, -0.4), (UNICYCLE, 0.4)] {
+            let body = body(steering);
+            let curvature = Turn::CurvaturePerM(1.5);
+            let steering = Turn::SteeringRad(body.steering_of(curvature, speed_mps));
+            let rate = Turn::YawRateRadps(body.yaw_rate_of(curvature, speed_mps));
+            for turn in [curvature, steering, rate] {
+                assert!(
+                    (body.curvature_of(turn, speed_mps) - 1.5).abs() < 1e-9,
+                    "{turn:?}"
+                );
+                assert!(
+                    (body.yaw_rate_of(turn, speed_mps) - 1.5 * speed_mps).abs() < 1e-9,
+                    "{turn:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn left_stays_left_in_every_form() {
+        let body = body(CAR);
+        assert!(body.steering_of(Turn::CurvaturePerM(1.0), 0.3) > 0.0);
+        assert!(body.steering_of(Turn::YawRateRadps(1.0), 0.3) > 0.0);
+        assert!(body.yaw_rate_of(Turn::SteeringRad(0.2), 0.3) > 0.0);
+        // Backwards, a yaw rate to the left needs the wheels to the right.
+        assert!(body.steering_of(Turn::YawRateRadps(1.0), -0.3) < 0.0);
+    }
+
+    #[test]
+    fn limits_and_speeds() {
+        assert!((body(CAR).curvature_limit_per_m() - trig::tan(0.5) / 0.2).abs() < 1e-12);
+        assert_eq!(body(UNICYCLE).curvature_limit_per_m(), f64::INFINITY);
+        let turn = Turn::CurvaturePerM(0.0);
+        let speed = |drive| body(CAR).speed_of(&Command { turn, drive });
+        assert_eq!(speed(Drive::SpeedMps(0.3)), 0.3);
+        assert_eq!(
+            (speed(Drive::Throttle(0.5)), speed(Drive::Throttle(-0.5))),
+            (0.5, 0.0)
+        );
+    }
+
+    #[test]
+    fn standing_still_a_yaw_rate_has_a_finite_steering_angle() {
+        assert!(body(CAR).steering_of(Turn::YawRateRadps(1.0), 0.0).is_finite());
     }
 }

@@ -146,8 +146,15 @@ pub fn encode_png(image: &Image) -> Result<Encoded, CodecError> {
     })
 }
 
-/// The largest side accepted (px): a damaged header must not ask for gigabytes.
+/// The largest side accepted (px): no camera of ours comes near.
 const LARGEST_SIDE_PX: usize = 16_384;
+
+/// The largest picture accepted (px). A damaged header must not ask for gigabytes; 64 million pixels are 192 MB.
+const LARGEST_AREA_PX: usize = 1 << 26;
+
+fn is_too_large(width: usize, height: usize) -> bool {
+    width > LARGEST_SIDE_PX || height > LARGEST_SIDE_PX || width * height > LARGEST_AREA_PX
+}
 
 fn decode_jpeg(bytes: &[u8], image: &mut Image) -> Result<(), CodecError> {
     use zune_jpeg::zune_core::{bytestream::ZCursor, colorspace::ColorSpace, options::DecoderOptions};
@@ -173,6 +180,9 @@ fn decode_jpeg(bytes: &[u8], image: &mut Image) -> Result<(), CodecError> {
         decoder.set_options(options(ColorSpace::Luma));
     }
     let (width, height) = decoder.dimensions().ok_or_else(|| damaged("no size".into()))?;
+    if is_too_large(width, height) {
+        return Err(damaged(format!("{width}x{height} px is too large")));
+    }
     image.reshape(width, height, channels);
     decoder
         .decode_into(image.pixels_mut())
@@ -185,35 +195,39 @@ fn decode_png(bytes: &[u8], image: &mut Image) -> Result<(), CodecError> {
         reason,
     };
     let limits = png::Limits {
-        bytes: LARGEST_SIDE_PX * LARGEST_SIDE_PX * 4,
+        bytes: LARGEST_AREA_PX * 8,
     };
     let mut decoder = png::Decoder::new_with_limits(std::io::Cursor::new(bytes), limits);
     decoder.set_transformations(png::Transformations::normalize_to_color8());
     let mut reader = decoder.read_info().map_err(|e| damaged(e.to_string()))?;
-    let size = reader
-        .output_buffer_size()
-        .ok_or_else(|| damaged("too large".into()))?;
-    let (color, _) = reader.output_color_type();
     let (width, height) = (reader.info().width as usize, reader.info().height as usize);
-    if width > LARGEST_SIDE_PX || height > LARGEST_SIDE_PX {
+    if is_too_large(width, height) {
         return Err(damaged(format!("{width}x{height} px is too large")));
     }
-    let mut raw = vec![0; size];
-    reader.next_frame(&mut raw).map_err(|e| damaged(e.to_string()))?;
-    let drop_alpha = |count: usize, keep: usize| -> Vec<u8> {
-        raw.chunks_exact(count)
-            .flat_map(|pixel| pixel[..keep].iter().copied())
-            .collect()
-    };
-    let (channels, pixels) = match color {
-        png::ColorType::Grayscale => (Channels::Gray, raw),
-        png::ColorType::GrayscaleAlpha => (Channels::Gray, drop_alpha(2, 1)),
-        png::ColorType::Rgb => (Channels::Rgb, raw),
-        png::ColorType::Rgba => (Channels::Rgb, drop_alpha(4, 3)),
+    // Bytes a pixel as stored, and how many of them we keep: transparency is dropped.
+    let (stored, channels) = match reader.output_color_type().0 {
+        png::ColorType::Grayscale => (1, Channels::Gray),
+        png::ColorType::GrayscaleAlpha => (2, Channels::Gray),
+        png::ColorType::Rgb => (3, Channels::Rgb),
+        png::ColorType::Rgba => (4, Channels::Rgb),
         png::ColorType::Indexed => return Err(damaged("palette was not expanded".into())),
     };
-    *image = Image::from_pixels(width, height, channels, pixels)
-        .ok_or_else(|| damaged("wrong number of bytes".into()))?;
+    image.reshape(width, height, channels);
+    if reader.output_buffer_size() != Some(width * height * stored) {
+        return Err(damaged("wrong number of bytes".into()));
+    }
+    if stored == channels.count() {
+        reader
+            .next_frame(image.pixels_mut())
+            .map_err(|e| damaged(e.to_string()))?;
+        return Ok(());
+    }
+    let mut raw = vec![0; width * height * stored];
+    reader.next_frame(&mut raw).map_err(|e| damaged(e.to_string()))?;
+    let pixels = image.pixels_mut().chunks_exact_mut(channels.count());
+    for (pixel, raw) in pixels.zip(raw.chunks_exact(stored)) {
+        pixel.copy_from_slice(&raw[..channels.count()]);
+    }
     Ok(())
 }
 
@@ -268,5 +282,116 @@ mod tests {
             }
         }
         assert!(Encoded::recognise(b"GIF89a".to_vec()).is_err());
+    }
+
+    /// FNV-1a.
+    fn digest(bytes: &[u8]) -> u64 {
+        bytes.iter().fold(0xcbf2_9ce4_8422_2325, |digest, byte| {
+            (digest ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3)
+        })
+    }
+
+    /// A picture with edges, slopes and grain, so that every frequency and the colour conversion take part.
+    fn busy() -> Image {
+        let mut seed = 1_u32;
+        let pixels = (0..160 * 120 * 3)
+            .map(|i| {
+                seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                let (x, y) = (i / 3 % 160, i / 480);
+                (x + y * (i % 3) + (seed >> 28) as usize + if x > y { 90 } else { 0 }) as u8
+            })
+            .collect();
+        Image::from_pixels(160, 120, Channels::Rgb, pixels).unwrap()
+    }
+
+    /// Recordings hold these bytes and drivers see these pixels, on every machine.
+    #[test]
+    fn jpeg_bytes_and_pixels_are_golden() {
+        let jpeg = encode_jpeg(&busy(), 85).unwrap();
+        let bytes = digest(&jpeg.bytes);
+        let pixels = digest(jpeg.decode().unwrap().pixels());
+        assert_eq!(
+            (bytes, pixels),
+            (0x04e5_52c2_b19f_d9f4, 0xd9f1_b611_4556_0a2a),
+            "new digests 0x{bytes:016x}, 0x{pixels:016x}"
+        );
+    }
+
+    #[test]
+    fn decoding_again_reuses_the_memory() {
+        for encoded in [encode_jpeg(&busy(), 85).unwrap(), encode_png(&busy()).unwrap()] {
+            let mut image = Image::default();
+            encoded.decode_into(&mut image).unwrap();
+            let memory = image.pixels().as_ptr();
+            encoded.decode_into(&mut image).unwrap();
+            assert_eq!(image.pixels().as_ptr(), memory, "{:?}", encoded.format);
+        }
+    }
+
+    #[test]
+    fn transparency_and_depth_of_foreign_pngs_are_dropped() {
+        for (colour, depth, data, expected) in [
+            (
+                png::ColorType::Rgba,
+                png::BitDepth::Eight,
+                vec![10, 20, 30, 0, 40, 50, 60, 255],
+                vec![10, 20, 30, 40, 50, 60],
+            ),
+            (
+                png::ColorType::GrayscaleAlpha,
+                png::BitDepth::Eight,
+                vec![7, 0, 9, 9],
+                vec![7, 9],
+            ),
+            (
+                png::ColorType::Grayscale,
+                png::BitDepth::Sixteen,
+                vec![200, 1, 100, 2],
+                vec![200, 100],
+            ),
+            (
+                png::ColorType::Grayscale,
+                png::BitDepth::One,
+                vec![0b0100_0000],
+                vec![0, 255],
+            ),
+        ] {
+            let mut bytes = Vec::new();
+            let mut encoder = png::Encoder::new(&mut bytes, 2, 1);
+            encoder.set_color(colour);
+            encoder.set_depth(depth);
+            encoder.write_header().unwrap().write_image_data(&data).unwrap();
+            let image = Encoded::recognise(bytes).unwrap().decode().unwrap();
+            assert_eq!(image.pixels(), expected, "{colour:?} {depth:?}");
+        }
+    }
+
+    /// A header of a few bytes asked for 800 MB before a single pixel was read.
+    #[test]
+    fn a_header_that_asks_for_too_much_is_refused() {
+        let mut jpeg = encode_jpeg(&Image::new(16, 16, Channels::Rgb), 80).unwrap();
+        let frame = jpeg
+            .bytes
+            .windows(2)
+            .position(|pair| pair == [0xff, 0xc0])
+            .unwrap();
+        jpeg.bytes[frame + 5..frame + 9].copy_from_slice(&[0x3f, 0xff, 0x3f, 0xff]);
+        assert!(jpeg.decode().unwrap_err().to_string().contains("too large"));
+        let mut png = Vec::new();
+        let mut encoder = png::Encoder::new(&mut png, 16_000, 16_000);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder
+            .write_header()
+            .unwrap()
+            .write_chunk(png::chunk::IDAT, &[])
+            .unwrap();
+        assert!(
+            Encoded::recognise(png)
+                .unwrap()
+                .decode()
+                .unwrap_err()
+                .to_string()
+                .contains("too large")
+        );
     }
 }

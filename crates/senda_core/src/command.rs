@@ -71,3 +71,22 @@ impl Command {
         turn.is_finite() && drive.is_finite()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_number_counts_for_finiteness() {
+        assert!(Command::STOP.is_finite());
+        assert!(!Command::curvature(f64::NAN, 0.1).is_finite());
+        assert!(!Command::yaw_rate(0.1, f64::INFINITY).is_finite());
+        assert!(
+            !Command {
+                drive: Drive::Throttle(f64::NAN),
+                ..Command::steering(0.1, 0.1)
+            }
+            .is_finite()
+        );
+    }
+}

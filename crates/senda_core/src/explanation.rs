@@ -125,3 +125,38 @@ mod maybe_nan {
         Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_number_survives_json() {
+        let mut explanation = Explanation::default();
+        explanation.signal("d_m", f64::NAN);
+        explanation.signal("omega_radps", -0.5);
+        explanation.polyline([[0.5, 1.5]], "red", false);
+        explanation.event("line lost");
+        let json = serde_json::to_string(&explanation).unwrap();
+        let back: Explanation = serde_json::from_str(&json).unwrap();
+        assert!(back.signals[0].value.is_nan() && back.signals[1].value == -0.5);
+        assert_eq!(
+            (back.shapes, back.events),
+            (explanation.shapes, explanation.events)
+        );
+    }
+
+    #[test]
+    fn clearing_keeps_the_memory() {
+        let mut explanation = Explanation::default();
+        explanation.signal("found", 1.0);
+        explanation.circle([1.0, 2.0], 3.0, "lime");
+        explanation.text([1.0, 2.0], "line", "lime");
+        let room = explanation.signals.capacity();
+        explanation.clear();
+        assert_eq!(
+            (&explanation, explanation.signals.capacity()),
+            (&Explanation::default(), room)
+        );
+    }
+}

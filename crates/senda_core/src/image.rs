@@ -42,7 +42,9 @@ impl Image {
 
     /// From bytes in row order; `None` when their number is not width · height · channels.
     pub fn from_pixels(width: usize, height: usize, channels: Channels, pixels: Vec<u8>) -> Option<Self> {
-        (pixels.len() == width * height * channels.count()).then_some(Self {
+        // Sizes of foreign files may not even fit when multiplied.
+        let expected = width.checked_mul(height)?.checked_mul(channels.count())?;
+        (pixels.len() == expected).then_some(Self {
             width,
             height,
             channels,
@@ -108,5 +110,38 @@ impl Image {
     /// Whether it has no pixels.
     pub fn is_empty(&self) -> bool {
         self.pixels.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_and_pixels_lie_from_top_left() {
+        let pixels = (0..2 * 3 * 3).collect();
+        let mut image = Image::from_pixels(3, 2, Channels::Rgb, pixels).unwrap();
+        assert_eq!(image.row(1), [9, 10, 11, 12, 13, 14, 15, 16, 17]);
+        assert_eq!(image.pixel(2, 0), [6, 7, 8]);
+        image.row_mut(0)[0] = 99;
+        assert_eq!(image.pixel(0, 0), [99, 1, 2]);
+        assert!(!image.is_empty() && Image::default().is_empty());
+    }
+
+    #[test]
+    fn sizes_that_do_not_fit_the_bytes_are_refused() {
+        assert!(Image::from_pixels(3, 2, Channels::Gray, vec![0; 5]).is_none());
+        assert!(Image::from_pixels(usize::MAX, 2, Channels::Rgb, vec![0; 5]).is_none());
+    }
+
+    #[test]
+    fn reshaping_and_copying_keep_the_memory() {
+        let mut image = Image::new(8, 8, Channels::Rgb);
+        let memory = image.pixels().as_ptr();
+        image.reshape(4, 4, Channels::Gray);
+        assert_eq!((image.pixels().len(), image.pixels().as_ptr()), (16, memory));
+        let other = Image::from_pixels(2, 2, Channels::Rgb, vec![7; 12]).unwrap();
+        image.copy_from(&other);
+        assert_eq!((&image, image.pixels().as_ptr()), (&other, memory));
     }
 }

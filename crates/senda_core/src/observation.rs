@@ -32,7 +32,7 @@ impl Stamp {
 
     /// Seconds since an earlier stamp (negative if it is later).
     pub fn since_s(self, earlier: Stamp) -> f64 {
-        (self.ns as i64 - earlier.ns as i64) as f64 * 1e-9
+        (i128::from(self.ns) - i128::from(earlier.ns)) as f64 * 1e-9
     }
 }
 
@@ -82,5 +82,41 @@ impl Observation {
     /// The first frame: the centre camera on vehicles with several.
     pub fn first_frame(&self) -> Option<&Frame> {
         self.frames.first()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seconds_and_nanoseconds_agree() {
+        assert_eq!(Stamp::from_s(0.05), Stamp::from_ns(50_000_000));
+        assert_eq!(Stamp::from_s(-1.0), Stamp::from_ns(0));
+        assert_eq!(Stamp::from_s(f64::NAN), Stamp::from_ns(0));
+        assert!((Stamp::from_ns(1_500_000_000).as_s() - 1.5).abs() < 1e-12);
+    }
+
+    /// Stamps from damaged recordings lie anywhere in u64; their difference overflowed i64.
+    #[test]
+    fn differences_are_signed_and_never_overflow() {
+        let (early, late) = (Stamp::from_ns(10), Stamp::from_ns(u64::MAX / 2 + 10));
+        assert!(early.since_s(late) < -9e9 && late.since_s(early) > 9e9);
+        assert!(Stamp::from_ns(u64::MAX).since_s(Stamp::from_ns(0)) > 1.8e10);
+    }
+
+    #[test]
+    fn frames_are_found_by_name() {
+        let frame = |camera: &str| Frame {
+            camera: camera.into(),
+            ..Frame::default()
+        };
+        let observation = Observation {
+            frames: vec![frame("center"), frame("left")],
+            ..Observation::default()
+        };
+        assert_eq!(observation.frame("left"), Some(&observation.frames[1]));
+        assert_eq!(observation.first_frame(), Some(&observation.frames[0]));
+        assert_eq!(observation.frame("right"), None);
     }
 }
