@@ -68,7 +68,10 @@ impl Backdrop {
                 // The mean over a cell, by 3 x 3 samples.
                 let mut sum = [0.0; 3];
                 for sample in 0..9 {
-                    let (du, dv) = ((sample % 3) as f64 / 3.0 - 0.333, (sample / 3) as f64 / 3.0 - 0.333);
+                    let (du, dv) = (
+                        (sample % 3) as f64 / 3.0 - 0.333,
+                        (sample / 3) as f64 / 3.0 - 0.333,
+                    );
                     let (sin, cos) = trig::sincos((i as f64 + du) / MIRROR_COLUMNS as f64 * 2.0 * PI);
                     let elevation = ((j as f64 + dv) / (MIRROR_ROWS - 1) as f64 * PI / 2.0).clamp(0.0, 1.55);
                     let light = room.radiance(cos, sin, trig::tan(elevation));
@@ -91,7 +94,11 @@ impl Backdrop {
     pub(super) fn origin(heading_rad: f64, turned_rad: f64) -> [f32; 2] {
         let heading = angle::wrap(heading_rad);
         // In 0..2π: with azimuths of -π..π, inside the two turns that are drawn.
-        let heading = if heading < 0.0 { heading + 2.0 * PI } else { heading };
+        let heading = if heading < 0.0 {
+            heading + 2.0 * PI
+        } else {
+            heading
+        };
         let scale = Self::TEXELS_PER_RAD * STEPS_PER_TEXEL;
         [
             ((heading + turned_rad + MARGIN_RAD + PI) * scale + MipTexture::ORIGIN) as f32,
@@ -130,7 +137,10 @@ impl Room {
     /// Light from the direction with cosine and sine of the azimuth and the slope (tangent of the elevation), relative
     /// to a white floor in full light, linear.
     fn radiance(&self, cos: f64, sin: f64, slope: f64) -> [f64; 3] {
-        let (to_x, to_y) = (HALF_LENGTH_M / cos.abs().max(1e-9), HALF_WIDTH_M / sin.abs().max(1e-9));
+        let (to_x, to_y) = (
+            HALF_LENGTH_M / cos.abs().max(1e-9),
+            HALF_WIDTH_M / sin.abs().max(1e-9),
+        );
         let distance = to_x.min(to_y);
         let height = slope * distance;
         // How much light arrives: more beside the windows' wall's opposite, less in corners.

@@ -101,7 +101,11 @@ mod tests {
             }
             assert!((sum / 30_000.0 - 1.0).abs() < 0.02, "{sum}");
             for variance in [across / sum, down / sum] {
-                assert!((variance.sqrt() - sigma).abs() < 0.06, "{sigma}: {}", variance.sqrt());
+                assert!(
+                    (variance.sqrt() - sigma).abs() < 0.06,
+                    "{sigma}: {}",
+                    variance.sqrt()
+                );
             }
         }
     }

@@ -129,7 +129,12 @@ impl Renderer {
             "a camera needs pixels and height"
         );
         let metres_per_texel = scene.metres_per_texel();
-        let table = RayTable::new(camera, metres_per_texel, scene.ground().levels(), optics.sharpness);
+        let table = RayTable::new(
+            camera,
+            metres_per_texel,
+            scene.ground().levels(),
+            optics.sharpness,
+        );
         let groups = table.groups_per_row;
         let light = LightGrid::new(camera, optics.vignetting, table.pitch_rad);
         let blur = LensBlur::new(optics.blur_px);

@@ -34,7 +34,8 @@ impl NoiseTile {
 
     /// The noise of row `v` of the frame with this seed.
     pub(super) fn row(&self, seed: u64, v: usize) -> &[i8] {
-        let start = (mixed(seed.wrapping_add((v as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15))) >> 32) as usize % STARTS;
+        let start = (mixed(seed.wrapping_add((v as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15))) >> 32) as usize
+            % STARTS;
         &self.values[4 * start..4 * (start + self.width)]
     }
 }
@@ -53,7 +54,13 @@ mod tests {
     #[test]
     fn the_tile_has_no_mean_and_the_promised_spread() {
         let tile = NoiseTile::new(320);
-        let values: Vec<f64> = tile.values.iter().enumerate().filter(|(i, _)| i % 4 != 3).map(|(_, v)| f64::from(*v)).collect();
+        let values: Vec<f64> = tile
+            .values
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| i % 4 != 3)
+            .map(|(_, v)| f64::from(*v))
+            .collect();
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         let variance = values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64;
         assert!(mean.abs() < 0.7, "{mean}");

@@ -8,7 +8,8 @@ use senda_geom::{Camera, Vec2, Vec3, angle, trig};
 const FLATTEST: f64 = 5e-4;
 
 /// How texture detail is matched to pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Sharpness {
     /// One bilinear look a pixel, from the level nearest to the footprint's geometric mean: the fastest.
     Single,
@@ -86,7 +87,11 @@ impl RayTable {
         for v in 0..height {
             let row_start = runs.len();
             // Differences to the row below, except in the last.
-            let below = if v + 1 < height { v + 1 } else { v.saturating_sub(1) };
+            let below = if v + 1 < height {
+                v + 1
+            } else {
+                v.saturating_sub(1)
+            };
             for g in 0..groups_per_row {
                 let u = g * GROUP;
                 let points: [Vec2; GROUP] = std::array::from_fn(|k| floor_of(ray(u + k, v)) * texels_per_m);

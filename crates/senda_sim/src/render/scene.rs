@@ -53,12 +53,21 @@ impl Scene {
             ceiling: colour(world.backdrop.zenith.rgb),
             window_rad: light.direction_rad,
             // Uneven light comes from windows; even light from above.
-            window: if light.gradient >= 0.1 { 1.0 + 8.0 * light.gradient } else { 0.0 },
+            window: if light.gradient >= 0.1 {
+                1.0 + 8.0 * light.gradient
+            } else {
+                0.0
+            },
             light: colour(light.colour.rgb),
         };
         let glossy = painting.outside[3] > 0 || painting.texels.iter().any(|texel| texel[3] > 0);
         Self {
-            ground: MipTexture::new(painting.width, painting.height, &painting.texels, painting.outside),
+            ground: MipTexture::new(
+                painting.width,
+                painting.height,
+                &painting.texels,
+                painting.outside,
+            ),
             origin: painting.origin,
             metres_per_texel: painting.metres_per_texel,
             glossy,

@@ -96,7 +96,10 @@ impl MipTexture {
         let (fx, fy) = ((x & 127) as i32, (y & 127) as i32);
         let index = (layout.base + (y >> 7) * layout.stride + (x >> 7)) as usize;
         let row = |from: usize| {
-            let (a, b) = (self.texels[from].to_le_bytes(), self.texels[from + 1].to_le_bytes());
+            let (a, b) = (
+                self.texels[from].to_le_bytes(),
+                self.texels[from + 1].to_le_bytes(),
+            );
             [0, 1, 2].map(|c| i32::from(a[c]) * (127 - fx) + i32::from(b[c]) * fx)
         };
         let (upper, lower) = (row(index), row(index + layout.stride as usize));
@@ -125,7 +128,8 @@ fn sizes(width: usize, height: usize) -> Vec<(usize, usize)> {
 fn average(a: u32, b: u32, c: u32, d: u32) -> u32 {
     const EVEN: u32 = 0x00ff_00ff;
     let half = |shift: u32| {
-        let sum = ((a >> shift) & EVEN) + ((b >> shift) & EVEN) + ((c >> shift) & EVEN) + ((d >> shift) & EVEN);
+        let sum =
+            ((a >> shift) & EVEN) + ((b >> shift) & EVEN) + ((c >> shift) & EVEN) + ((d >> shift) & EVEN);
         ((sum + 0x0002_0002) >> 2) & EVEN
     };
     half(0) | half(8) << 8

@@ -124,7 +124,11 @@ pub(super) fn prepare(
             Vec3::new(flat.x, flat.y, d.z)
         };
         let corner = point(face.corner) - lens_in_vehicle;
-        let (normal, right, down) = (direction(face.normal), direction(face.right), direction(face.down));
+        let (normal, right, down) = (
+            direction(face.normal),
+            direction(face.right),
+            direction(face.down),
+        );
         let offset = normal.dot(corner);
         if offset > -1e-4 {
             continue; // Seen from behind or along the edge.
@@ -150,11 +154,7 @@ pub(super) fn prepare(
             end_column,
         });
     }
-    ready.sort_unstable_by(|a, b| {
-        b.distance_m
-            .total_cmp(&a.distance_m)
-            .then(a.index.cmp(&b.index))
-    });
+    ready.sort_unstable_by(|a, b| b.distance_m.total_cmp(&a.distance_m).then(a.index.cmp(&b.index)));
 }
 
 /// The pixels that may show a face: columns and rows from, to. `None`: it is out of sight.
@@ -173,12 +173,7 @@ fn bounds(
     let (mut seen, mut behind) = (0, 0);
     for i in 0..STEPS {
         let part = i as f64 / STEPS as f64;
-        for (s, t) in [
-            (part, 0.0),
-            (1.0, part),
-            (1.0 - part, 1.0),
-            (0.0, 1.0 - part),
-        ] {
+        for (s, t) in [(part, 0.0), (1.0, part), (1.0 - part, 1.0), (0.0, 1.0 - part)] {
             let point = corner + right * (s * face.width_m) + down * (t * face.height_m);
             // Lens polynomials fold beyond their range: nothing behind the lens is trusted.
             if (point - camera.mounting.position()).dot(axis) < 1e-3 {
@@ -207,13 +202,7 @@ fn bounds(
 }
 
 /// Draws the faces' pixels of row `v` over its colours.
-pub(super) fn draw_row(
-    faces: &[Upright],
-    ready: &[Ready],
-    table: &RayTable,
-    v: usize,
-    row: &mut [Colours],
-) {
+pub(super) fn draw_row(faces: &[Upright], ready: &[Ready], table: &RayTable, v: usize, row: &mut [Colours]) {
     let columns = table.groups_per_row * GROUP;
     for item in ready {
         if !(item.first_row..item.end_row).contains(&v) {
@@ -275,10 +264,17 @@ fn between_sizes(pixel: f32, slanted: f32, along: f32) -> f32 {
 
 /// How much of a pixel of `size` at `place` lies within 0..`extent`.
 fn covered(place: f32, extent: f32, size: f32) -> f32 {
-    let from_edge = if place < extent - place { place } else { extent - place };
+    let from_edge = if place < extent - place {
+        place
+    } else {
+        extent - place
+    };
     // A face thinner than a pixel covers only part of it.
     let most = (extent / size).min(1.0);
     (from_edge / size + 0.5).clamp(0.0, most)
 }
 
-const _: () = assert!(COLOUR_SCALE == 127, "looks of textures and kernels have one scale");
+const _: () = assert!(
+    COLOUR_SCALE == 127,
+    "looks of textures and kernels have one scale"
+);

@@ -2,17 +2,17 @@
 
 use super::{Colours, GROUP, Group, Looks, Shading, Texels, middle};
 use std::arch::x86_64::{
-    __m128i, __m256i, _mm_loadl_epi64, _mm_loadu_si128, _mm_storel_epi64, _mm_storeu_si128, _mm_unpacklo_epi64,
-    _mm256_add_epi16, _mm256_add_epi32, _mm256_add_ps, _mm256_and_si256, _mm256_broadcastsi128_si256,
+    __m128i, __m256i, _mm_cvtsi32_si128, _mm_loadl_epi64, _mm_storel_epi64, _mm_storeu_si128,
+    _mm_unpacklo_epi64, _mm256_add_epi16, _mm256_add_epi32, _mm256_add_ps, _mm256_and_si256,
     _mm256_castsi128_si256, _mm256_castsi256_si128, _mm256_cvttps_epi32, _mm256_extracti128_si256,
     _mm256_inserti128_si256, _mm256_load_ps, _mm256_loadu_si256, _mm256_madd_epi16, _mm256_maddubs_epi16,
     _mm256_max_epi16, _mm256_max_ps, _mm256_min_epi16, _mm256_min_ps, _mm256_mul_ps, _mm256_mulhi_epu16,
-    _mm256_mulhrs_epi16, _mm256_mullo_epi32, _mm256_packs_epi32, _mm256_packus_epi16, _mm256_permute2x128_si256,
-    _mm256_permute4x64_epi64, _mm256_permutevar8x32_epi32, _mm256_set1_epi16, _mm256_set1_epi32, _mm256_set1_epi64x,
-    _mm256_set1_ps, _mm256_setr_epi8, _mm256_setr_epi16, _mm256_setr_epi32, _mm256_setzero_ps,
-    _mm256_setzero_si256, _mm256_shuffle_epi8, _mm256_shuffle_epi32, _mm256_slli_epi32, _mm256_sra_epi32,
-    _mm256_srai_epi16, _mm256_srli_epi32, _mm256_storeu_si256, _mm256_sub_epi16, _mm256_sub_epi32, _mm256_sub_ps,
-    _mm256_unpackhi_epi8, _mm256_unpacklo_epi8, _mm_cvtsi32_si128,
+    _mm256_mulhrs_epi16, _mm256_mullo_epi32, _mm256_packs_epi32, _mm256_packus_epi16,
+    _mm256_permute2x128_si256, _mm256_permute4x64_epi64, _mm256_permutevar8x32_epi32, _mm256_set1_epi16,
+    _mm256_set1_epi32, _mm256_set1_epi64x, _mm256_set1_ps, _mm256_setr_epi8, _mm256_setr_epi16,
+    _mm256_setr_epi32, _mm256_setzero_ps, _mm256_setzero_si256, _mm256_shuffle_epi8, _mm256_shuffle_epi32,
+    _mm256_slli_epi32, _mm256_sra_epi32, _mm256_srai_epi16, _mm256_srli_epi32, _mm256_storeu_si256,
+    _mm256_sub_epi16, _mm256_sub_epi32, _mm256_sub_ps, _mm256_unpackhi_epi8, _mm256_unpacklo_epi8,
 };
 
 /// # Safety
@@ -45,8 +45,14 @@ pub(super) unsafe fn sample(
             let y_turned = _mm256_add_ps(_mm256_mul_ps(sin, x), _mm256_mul_ps(cos, y));
             let x = _mm256_add_ps(x_turned, _mm256_set1_ps(x0));
             let y = _mm256_add_ps(y_turned, _mm256_set1_ps(y0));
-            let x = _mm256_min_ps(_mm256_max_ps(x, _mm256_setzero_ps()), _mm256_set1_ps(layout.limit[0]));
-            let y = _mm256_min_ps(_mm256_max_ps(y, _mm256_setzero_ps()), _mm256_set1_ps(layout.limit[1]));
+            let x = _mm256_min_ps(
+                _mm256_max_ps(x, _mm256_setzero_ps()),
+                _mm256_set1_ps(layout.limit[0]),
+            );
+            let y = _mm256_min_ps(
+                _mm256_max_ps(y, _mm256_setzero_ps()),
+                _mm256_set1_ps(layout.limit[1]),
+            );
             let (x, y) = (_mm256_cvttps_epi32(x), _mm256_cvttps_epi32(y));
             let (fx, fy) = (_mm256_and_si256(x, low7), _mm256_and_si256(y, low7));
             let rows = _mm256_mullo_epi32(_mm256_srli_epi32::<7>(y), _mm256_set1_epi32(layout.stride as i32));
@@ -77,10 +83,26 @@ pub(super) unsafe fn sample(
                     sums[$k] = _mm256_add_epi32(sums[$k], _mm256_madd_epi16(across, weights));
                 }};
             }
-            pair!(0, both(&[0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1]), 0b00_00_00_00);
-            pair!(1, both(&[4, 5, 4, 5, 4, 5, 4, 5, 4, 5, 4, 5, 4, 5, 4, 5]), 0b01_01_01_01);
-            pair!(2, both(&[8, 9, 8, 9, 8, 9, 8, 9, 8, 9, 8, 9, 8, 9, 8, 9]), 0b10_10_10_10);
-            pair!(3, both(&[12, 13, 12, 13, 12, 13, 12, 13, 12, 13, 12, 13, 12, 13, 12, 13]), 0b11_11_11_11);
+            pair!(
+                0,
+                both(&[0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1]),
+                0b00_00_00_00
+            );
+            pair!(
+                1,
+                both(&[4, 5, 4, 5, 4, 5, 4, 5, 4, 5, 4, 5, 4, 5, 4, 5]),
+                0b01_01_01_01
+            );
+            pair!(
+                2,
+                both(&[8, 9, 8, 9, 8, 9, 8, 9, 8, 9, 8, 9, 8, 9, 8, 9]),
+                0b10_10_10_10
+            );
+            pair!(
+                3,
+                both(&[12, 13, 12, 13, 12, 13, 12, 13, 12, 13, 12, 13, 12, 13, 12, 13]),
+                0b11_11_11_11
+            );
         }
         let shift = _mm_cvtsi32_si128(7 + log2 as i32);
         let [a, b, c, d] = sums.map(|sum| _mm256_sra_epi32(sum, shift));
@@ -119,7 +141,12 @@ fn both(p: &[i8; 16]) -> __m256i {
 #[target_feature(enable = "avx2")]
 pub(super) unsafe fn shade(colours: &[Colours], shading: &Shading<'_>, row: &mut [u8]) {
     let spread = |first: usize| {
-        let m = [middle(first), middle(first + 1), middle(first + 2), middle(first + 3)];
+        let m = [
+            middle(first),
+            middle(first + 1),
+            middle(first + 2),
+            middle(first + 3),
+        ];
         _mm256_setr_epi16(
             m[0], m[0], m[0], m[0], m[1], m[1], m[1], m[1], m[2], m[2], m[2], m[2], m[3], m[3], m[3], m[3],
         )
@@ -128,7 +155,10 @@ pub(super) unsafe fn shade(colours: &[Colours], shading: &Shading<'_>, row: &mut
     let alpha = both(&[6, 7, 6, 7, 6, 7, 6, 7, 14, 15, 14, 15, 14, 15, 14, 15]);
     let drop_alpha = both(&[0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14, -1, -1, -1, -1]);
     let close_up = _mm256_setr_epi32(0, 1, 2, 4, 5, 6, 7, 7);
-    let (dark, fall) = (_mm256_set1_epi16(shading.noise_dark), _mm256_set1_epi16(shading.noise_fall));
+    let (dark, fall) = (
+        _mm256_set1_epi16(shading.noise_dark),
+        _mm256_set1_epi16(shading.noise_fall),
+    );
     let (white, half) = (_mm256_set1_epi16(4095), _mm256_set1_epi16(8));
     for (g, (colours, row)) in colours.iter().zip(row.chunks_mut(3 * GROUP)).enumerate() {
         let (gain, gain_step) = nodes(&shading.gain[g], &shading.gain[g + 1]);
@@ -161,7 +191,10 @@ pub(super) unsafe fn shade(colours: &[Colours], shading: &Shading<'_>, row: &mut
         let bytes = _mm256_packus_epi16(values[0], values[1]);
         let bytes = _mm256_permute4x64_epi64::<0b11_01_10_00>(bytes);
         let bytes = _mm256_permutevar8x32_epi32(_mm256_shuffle_epi8(bytes, drop_alpha), close_up);
-        let (low, high) = (_mm256_castsi256_si128(bytes), _mm256_extracti128_si256::<1>(bytes));
+        let (low, high) = (
+            _mm256_castsi256_si128(bytes),
+            _mm256_extracti128_si256::<1>(bytes),
+        );
         if row.len() == 3 * GROUP {
             // SAFETY: 16 + 8 bytes into 24.
             unsafe {

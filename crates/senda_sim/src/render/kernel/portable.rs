@@ -1,6 +1,6 @@
 //! The pixel loops in plain Rust. What the AVX2 version must equal.
 
-use super::{Colours, GROUP, Group, Look, LevelLayout, Looks, Shading, Texels, middle, rounded_product};
+use super::{Colours, GROUP, Group, LevelLayout, Look, Looks, Shading, Texels, middle, rounded_product};
 
 pub(super) fn sample(
     texels: Texels<'_>,
