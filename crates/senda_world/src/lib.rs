@@ -27,6 +27,7 @@ mod light;
 mod marking;
 pub mod paint;
 mod path;
+mod random;
 mod reader;
 mod thing;
 mod vehicle;
@@ -40,6 +41,7 @@ pub use light::{LIGHT_PRESETS, Lamp, Light, LightChange, Shadows};
 pub use marking::{Dash, Marking};
 pub use paint::FloorPainting;
 pub use path::{PathShape, PathSpec, Piece, closing_pieces, self_overlap, smallest_radius_m};
+pub use random::{Difficulty, Kind, Tone};
 pub use thing::{Cells, Face, Texture, Thing, ThingShape};
 pub use vehicle::{
     Battery, CameraSpec, DriveTrain, Encoders, Exposure, ImageNoise, Motor, VehicleSpec, Wheels,

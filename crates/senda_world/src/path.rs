@@ -70,7 +70,7 @@ pub enum Piece {
 }
 
 impl Piece {
-    fn segment(self) -> Segment {
+    pub(crate) fn segment(self) -> Segment {
         match self {
             Self::Straight { length_m } => Segment::straight(length_m),
             Self::Arc { radius_m, turn_rad } => Segment::arc(radius_m, turn_rad),

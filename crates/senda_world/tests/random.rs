@@ -1,0 +1,82 @@
+//! Made-up worlds keep their limits, whatever the seed.
+
+use senda_world::{Difficulty, Kind, Tone, World, self_overlap, smallest_radius_m};
+
+fn limits() -> Vec<Difficulty> {
+    let line = Difficulty::default();
+    let lane = Difficulty::lane();
+    let hard = Difficulty {
+        min_radius_m: 0.2,
+        length_m: [3.0, 14.0],
+        dashes: 0.5,
+        wear: 0.8,
+        things: 6,
+        tone: Tone::Light,
+        ..Difficulty::lane()
+    };
+    // Limits that cannot all be had: the radius wins.
+    let impossible = Difficulty {
+        min_radius_m: 1.0,
+        length_m: [0.1, 0.2],
+        floors: vec!["no such floor".into()],
+        lights: vec![],
+        colours: vec![],
+        ..line.clone()
+    };
+    vec![line, lane, hard, impossible]
+}
+
+#[test]
+fn two_hundred_seeds_are_valid_and_do_not_overlap() {
+    for difficulty in limits() {
+        for seed in 0..200 {
+            let world = World::random(seed, &difficulty);
+            let radius_m = smallest_radius_m(&world.path);
+            assert!(
+                radius_m >= difficulty.min_radius_m * 0.99,
+                "seed {seed}: {radius_m}"
+            );
+            let clearance_m = world.lane_width_m.unwrap_or(0.0) + 0.29;
+            assert_eq!(self_overlap(&world.path, clearance_m), None, "seed {seed}");
+            let (gap_m, gap_rad) = world.path.closing_gap();
+            assert!(gap_m < 1e-3 && gap_rad < 1e-2, "seed {seed}: {gap_m} {gap_rad}");
+            assert_eq!(world.lane_width_m.is_some(), difficulty.kind == Kind::Lane);
+            if difficulty.length_m[0] > 1.0 {
+                let length_m = world.path.length_m();
+                assert!(
+                    length_m >= difficulty.length_m[0] * 0.99 && length_m <= difficulty.length_m[1] * 1.01
+                );
+            }
+            let contrast = world.markings[0].colour.luminance() - world.floor.colour.luminance();
+            assert!(contrast.abs() > 40.0, "seed {seed}: {contrast}");
+            if seed % 10 == 0 {
+                let (back, warnings) = World::parse("random.toml", &world.to_toml()).unwrap();
+                assert_eq!(back, world, "seed {seed}");
+                assert_eq!(warnings, [], "seed {seed}");
+            }
+        }
+    }
+}
+
+#[test]
+fn seeds_differ_and_repeat() {
+    let difficulty = Difficulty::default();
+    let worlds: Vec<World> = (0..40).map(|seed| World::random(seed, &difficulty)).collect();
+    for (seed, world) in worlds.iter().enumerate() {
+        assert_eq!(*world, World::random(seed as u64, &difficulty));
+        for other in &worlds[..seed] {
+            assert!(world.path != other.path && world.floor != other.floor);
+        }
+    }
+    // Straight pieces, clothoids and splines all occur, and both directions of turning.
+    let text: Vec<String> = worlds.iter().map(World::to_toml).collect();
+    for word in ["straight", "clothoid", "points =", "reversed = true"] {
+        let count = text.iter().filter(|toml| toml.contains(word)).count();
+        assert!((4..=36).contains(&count), "{word}: {count} of 40");
+    }
+    let circles = worlds.iter().filter(|world| {
+        let pieces = world.to_toml();
+        pieces.matches("kind = \"arc\"").count() == 1 && !pieces.contains("straight")
+    });
+    assert!(circles.count() <= 1, "the emergency circle is rare");
+}
