@@ -214,20 +214,40 @@ impl Region {
 
     /// The four corners, clockwise in the image, if this is a filled convex region with four corners.
     pub(super) fn four_corners(&self) -> Option<[Vec2; 4]> {
-        let perimeter: f64 = {
-            let o = &self.outline;
-            (0..o.len()).map(|i| (o[(i + 1) % o.len()] - o[i]).length()).sum()
-        };
-        // OpenCV's examples use 2 to 4 % of the perimeter; from fine to coarse.
-        let corners = [0.02, 0.028, 0.038]
-            .iter()
-            .map(|part| polygon(&self.outline, part * perimeter))
-            .find(|corners| corners.len() == 4)?;
-        let corners: [Vec2; 4] = corners.try_into().ok()?;
-        if !self.is_filled(&corners) {
+        let perimeter = perimeter(&self.outline);
+        // From 2 % of the perimeter as in OpenCV's examples.
+        let mut corners = polygon(&self.outline, 0.02 * perimeter);
+        if !(4..=8).contains(&corners.len()) {
             return None;
         }
+        // A worn or rounded corner gives two points: drop those that matter least.
+        while corners.len() > 4 {
+            let n = corners.len();
+            let weight = |i: usize| area(&[corners[(i + n - 1) % n], corners[i], corners[(i + 1) % n]]).abs();
+            let least = (0..n).min_by(|a, b| weight(*a).total_cmp(&weight(*b)))?;
+            corners.remove(least);
+        }
+        let corners: [Vec2; 4] = corners.try_into().ok()?;
         let corners = straightened(&self.outline, straightened(&self.outline, corners));
+        let stray = self
+            .outline
+            .iter()
+            .map(|point| nearest_edge(&corners, *point).1)
+            .fold(0.0, f64::max);
+        let to_outline = |corner: Vec2| {
+            self.outline
+                .iter()
+                .map(|point| (*point - corner).length())
+                .fold(f64::INFINITY, f64::min)
+        };
+        // A disc has no points where the lines through its quarters cross.
+        let bare = corners
+            .iter()
+            .map(|corner| to_outline(*corner))
+            .fold(0.0, f64::max);
+        if !self.is_filled(&corners) || stray > 0.02 * perimeter + 0.7 || bare > 0.02 * perimeter + 1.0 {
+            return None;
+        }
         is_convex(&corners).then(|| grown(corners))
     }
 
@@ -241,10 +261,7 @@ impl Region {
 
     fn is_filled(&self, corners: &[Vec2]) -> bool {
         // The outline runs through pixel centres: half a pixel inside.
-        let perimeter: f64 = (0..corners.len())
-            .map(|i| (corners[(i + 1) % corners.len()] - corners[i]).length())
-            .sum();
-        let polygon_px = area(corners).abs() + perimeter / 2.0 + 1.0;
+        let polygon_px = area(corners).abs() + perimeter(corners) / 2.0 + 1.0;
         let filled = self.area_px as f64 / polygon_px;
         // Rings around the paper fail the lower limit, discs the upper one.
         is_convex(corners) && (0.75..1.2).contains(&filled)
@@ -282,6 +299,27 @@ fn straightened(outline: &[Vec2], corners: [Vec2; 4]) -> [Vec2; 4] {
             .filter(|c| (*c - corners[i]).length() < limit)
             .unwrap_or(corners[i])
     })
+}
+
+/// The edge nearest to a point, its distance (px), and where along the edge it is nearest (0..1).
+fn nearest_edge(corners: &[Vec2; 4], point: Vec2) -> (usize, f64, f64) {
+    let mut best = (0, f64::INFINITY, 0.5);
+    for index in 0..4 {
+        let edge = corners[(index + 1) % 4] - corners[index];
+        let part = ((point - corners[index]).dot(edge) / edge.length_squared().max(1e-9)).clamp(0.0, 1.0);
+        let distance = (corners[index] + edge * part - point).length();
+        if distance < best.1 {
+            best = (index, distance, part);
+        }
+    }
+    best
+}
+
+/// Length around a closed polygon (px).
+fn perimeter(corners: &[Vec2]) -> f64 {
+    (0..corners.len())
+        .map(|i| (corners[(i + 1) % corners.len()] - corners[i]).length())
+        .sum()
 }
 
 /// Corners moved outwards from pixel centres to the outer edges of the pixels.
