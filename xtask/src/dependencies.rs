@@ -88,6 +88,7 @@ mod tests {
         let package = |name: &str, links: Option<&str>| Package {
             name: name.to_owned(),
             links: links.map(str::to_owned),
+            licence: String::new(),
             path: vec!["senda_data".to_owned(), name.to_owned()],
         };
         let found = native(&[

@@ -15,6 +15,7 @@ mod workspace;
 mod ranks;
 
 mod dependencies;
+mod licences;
 
 mod architecture;
 mod front_pages;
@@ -65,13 +66,17 @@ fn main() -> ExitCode {
 fn check(root: &Path) -> Result<Vec<String>> {
     let workspace = Workspace::read(root)?;
     let architecture = read(root, "ARCHITECTURE.md")?;
-    let checks: [(&str, Vec<String>); 9] = [
+    let checks: [(&str, Vec<String>); 10] = [
         ("ranks", ranks::violations(&workspace.crates)),
         ("dependencies", dependencies::violations(&workspace.crates)),
         ("native libraries", dependencies::native(&workspace.packages)),
         (
             "sources",
             dependencies::foreign_sources(&read(root, "Cargo.lock")?),
+        ),
+        (
+            "licences",
+            licences::violations(&workspace.packages, &read(root, "deny.toml")?),
         ),
         (
             "architecture",

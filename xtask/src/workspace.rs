@@ -45,6 +45,8 @@ pub(crate) struct Package {
     pub(crate) name: String,
     /// The native library that its build script announces.
     pub(crate) links: Option<String>,
+    /// Its licence as an SPDX expression.
+    pub(crate) licence: String,
     /// The packages that lead to it, outermost first, itself last.
     pub(crate) path: Vec<String>,
 }
@@ -166,6 +168,7 @@ fn packages(metadata: &Value) -> Result<Vec<Package>> {
         packages.push(Package {
             name,
             links: package["links"].as_str().map(str::to_owned),
+            licence: package["license"].as_str().unwrap_or_default().to_owned(),
             path,
         });
     }
