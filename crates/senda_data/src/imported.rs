@@ -1,29 +1,147 @@
-//! What all imported data sets share: times, camera sizes, provenance.
+//! What all imported data sets share: times, runs, camera sizes, provenance.
 
 use crate::warnings::Warnings;
-use crate::{RecordingHeader, Step};
+use crate::{Recording, RecordingHeader, Step};
 use senda_core::{Body, Stamp};
 
-/// Steps between times shorter than this (s) are not those of a camera: the set was converted by a program that wrote
-/// its own time. Cameras of these vehicles deliver 10 to 60 frames a second; seen in converted tubs: 2-3 ms.
-const SHORTEST_PERIOD_S: f64 = 0.010;
+/// A record of a foreign data set that can become a step.
+#[derive(Debug)]
+pub(crate) struct Taken {
+    /// The run it belongs to; neighbours with equal names are one run.
+    pub(crate) run: Option<String>,
+    /// Its time (ns on any scale), where it has one.
+    pub(crate) time_ns: Option<u64>,
+    /// The step, without stamps.
+    pub(crate) step: Step,
+}
 
-/// Stamps from a data set's own times (s on any scale, increasing or not), and the usual time between them (s).
-pub(crate) fn stamps(times_s: &[Option<f64>], nominal_s: f64, warnings: &mut Warnings) -> (Vec<Stamp>, f64) {
-    let evenly = |period_s: f64| {
-        let period_ns = Stamp::from_s(period_s).ns;
-        (0..times_s.len() as u64)
+/// A foreign data set, read.
+#[derive(Debug)]
+pub(crate) struct Set {
+    /// Name of the format.
+    pub(crate) format: &'static str,
+    /// The set's own name.
+    pub(crate) source: String,
+    /// Time between records (s) where they do not say.
+    pub(crate) nominal_s: f64,
+    /// Records in order.
+    pub(crate) records: Vec<Taken>,
+    /// What was wrong with the set.
+    pub(crate) warnings: Warnings,
+}
+
+impl Set {
+    /// All of it as one recording, with an event where each run begins if there are several.
+    pub(crate) fn joined(mut self, body: &Body) -> Recording {
+        let runs = 1 + self
+            .records
+            .windows(2)
+            .filter(|pair| pair[0].run != pair[1].run)
+            .count();
+        if runs > 1 {
+            self.warnings.add("several runs", || {
+                format!("there are {runs} runs, which are separate drives: here they follow each other")
+            });
+            let mut before: Option<Option<String>> = None;
+            for taken in &mut self.records {
+                if before.as_ref() != Some(&taken.run) {
+                    let name = taken.run.as_deref().unwrap_or("without a name");
+                    taken.step.explanation.event(format!("run {name} begins"));
+                    before = Some(taken.run.clone());
+                }
+            }
+        }
+        self.recording(body)
+    }
+
+    /// One recording a run: sequences never cross runs. What concerns the whole set is warned of in the first.
+    pub(crate) fn apart(self, body: &Body) -> Vec<Recording> {
+        let Self {
+            format,
+            source,
+            nominal_s,
+            records,
+            warnings,
+        } = self;
+        let mut runs: Vec<Vec<Taken>> = Vec::new();
+        for record in records {
+            match runs.last_mut() {
+                Some(run) if run[0].run == record.run => run.push(record),
+                _ => runs.push(vec![record]),
+            }
+        }
+        if runs.is_empty() {
+            runs.push(Vec::new());
+        }
+        let mut warnings = Some(warnings);
+        runs.into_iter()
+            .map(|records| {
+                let part = Self {
+                    format,
+                    source: source.clone(),
+                    nominal_s,
+                    records,
+                    warnings: warnings.take().unwrap_or_default(),
+                };
+                part.recording(body)
+            })
+            .collect()
+    }
+
+    fn recording(self, body: &Body) -> Recording {
+        let Self {
+            format,
+            source,
+            nominal_s,
+            records,
+            mut warnings,
+        } = self;
+        let times: Vec<_> = records.iter().map(|taken| taken.time_ns).collect();
+        let (stamps, period_s) = stamps(&times, nominal_s, &mut warnings);
+        let mut steps = Vec::with_capacity(records.len());
+        for (taken, stamp) in records.into_iter().zip(stamps) {
+            let mut step = taken.step;
+            step.stamp = stamp;
+            for frame in &mut step.frames {
+                frame.stamp = stamp;
+            }
+            steps.push(step);
+        }
+        if steps.is_empty() {
+            warnings.add("nothing", || "there is no usable record".into());
+        }
+        let mut body = body.clone();
+        body.period_s = period_s;
+        fit_cameras(&mut body, &steps, &mut warnings);
+        Recording {
+            header: header(format, &source, body),
+            steps,
+            summary: None,
+            warnings: warnings.finish(),
+        }
+    }
+}
+
+/// Times closer together than this (ns) are not those of a camera: the set was converted by a program that wrote its own
+/// time. Cameras of these vehicles deliver 10 to 60 frames a second; seen in converted tubs: 2-3 ms.
+const SHORTEST_PERIOD_NS: u64 = 10_000_000;
+
+/// Stamps from a data set's own times (ns on any scale, increasing or not), and the usual time between them (s).
+fn stamps(times_ns: &[Option<u64>], nominal_s: f64, warnings: &mut Warnings) -> (Vec<Stamp>, f64) {
+    let evenly = || {
+        let period_ns = Stamp::from_s(nominal_s).ns;
+        (0..times_ns.len() as u64)
             .map(|i| Stamp::from_ns(i.saturating_mul(period_ns)))
             .collect()
     };
-    let mut steps_s: Vec<f64> = times_s
+    let mut steps_ns: Vec<u64> = times_ns
         .windows(2)
-        .filter_map(|pair| Some(pair[1]? - pair[0]?))
-        .filter(|step_s| *step_s > 0.0)
+        .filter_map(|pair| pair[1]?.checked_sub(pair[0]?))
+        .filter(|step_ns| *step_ns > 0)
         .collect();
-    steps_s.sort_by(f64::total_cmp);
-    let Some(&usual_s) = steps_s.get(steps_s.len() / 2) else {
-        if times_s.len() > 1 {
+    steps_ns.sort_unstable();
+    let Some(&usual_ns) = steps_ns.get(steps_ns.len() / 2) else {
+        if times_ns.len() > 1 {
             warnings.add("times missing", || {
                 format!(
                     "there are no usable times: the nominal {:.1} frames a second are taken",
@@ -31,42 +149,45 @@ pub(crate) fn stamps(times_s: &[Option<f64>], nominal_s: f64, warnings: &mut War
                 )
             });
         }
-        return (evenly(nominal_s), nominal_s);
+        return (evenly(), nominal_s);
     };
-    if usual_s < SHORTEST_PERIOD_S {
+    if usual_ns < SHORTEST_PERIOD_NS {
         warnings.add("times useless", || {
             format!(
                 "times are {:.1} ms apart, which no camera of such a vehicle does (converted data?): \
                  the nominal {:.1} frames a second are taken",
-                usual_s * 1e3,
+                usual_ns as f64 * 1e-6,
                 1.0 / nominal_s
             )
         });
-        return (evenly(nominal_s), nominal_s);
+        return (evenly(), nominal_s);
     }
-    let mut stamps = Vec::with_capacity(times_s.len());
-    let mut now_s = 0.0;
-    let mut previous: Option<f64> = None;
-    for (i, time) in times_s.iter().enumerate() {
-        let step_s = match (previous, time) {
-            _ if i == 0 => 0.0,
+    let mut stamps = Vec::with_capacity(times_ns.len());
+    let mut now = Stamp::default();
+    let mut previous: Option<u64> = None;
+    for (i, time) in times_ns.iter().enumerate() {
+        let step_ns = match (previous, time) {
+            _ if i == 0 => 0,
             (Some(before), Some(time)) if *time > before => time - before,
             _ => {
                 warnings.add("times that do not increase", || {
-                    format!("record {i}: its time is missing or does not increase: {usual_s:.3} s are taken")
+                    format!(
+                        "record {i}: its time is missing or does not increase: {:.3} s are taken",
+                        usual_ns as f64 * 1e-9
+                    )
                 });
-                usual_s
+                usual_ns
             }
         };
-        now_s += step_s;
+        now.ns = now.ns.saturating_add(step_ns);
         previous = time.or(previous);
-        stamps.push(Stamp::from_s(now_s));
+        stamps.push(now);
     }
-    (stamps, usual_s)
+    (stamps, usual_ns as f64 * 1e-9)
 }
 
 /// Gives the body's cameras the size of the pictures that were recorded with them.
-pub(crate) fn fit_cameras(body: &mut Body, steps: &[Step], warnings: &mut Warnings) {
+fn fit_cameras(body: &mut Body, steps: &[Step], warnings: &mut Warnings) {
     for camera in &mut body.cameras {
         let mut frames = steps
             .iter()
@@ -94,7 +215,7 @@ pub(crate) fn fit_cameras(body: &mut Body, steps: &[Step], warnings: &mut Warnin
 }
 
 /// The header of an imported recording. The scenario says where it came from.
-pub(crate) fn header(format: &str, source: &str, body: Body, driver: &str) -> RecordingHeader {
+fn header(format: &str, source: &str, body: Body) -> RecordingHeader {
     RecordingHeader {
         senda: env!("CARGO_PKG_VERSION").into(),
         commit: String::new(),
@@ -106,7 +227,7 @@ pub(crate) fn header(format: &str, source: &str, body: Body, driver: &str) -> Re
         world: None,
         reversed: false,
         body,
-        driver: driver.into(),
+        driver: "human".into(),
         seed: 0,
     }
 }
@@ -120,38 +241,40 @@ fn toml_string(text: &str) -> String {
 mod tests {
     use super::*;
 
-    fn ns(times: &[Option<f64>]) -> (Vec<u64>, f64, usize) {
+    /// Stamps (ms), period (s) and number of warnings for times (ms).
+    fn check(times_ms: &[Option<u64>]) -> (Vec<u64>, f64, usize) {
         let mut warnings = Warnings::default();
-        let (stamps, period) = stamps(times, 0.05, &mut warnings);
-        (
-            stamps.iter().map(|s| s.ns).collect(),
-            period,
-            warnings.finish().len(),
-        )
+        let times_ns: Vec<_> = times_ms
+            .iter()
+            .map(|time| time.map(|ms| ms * 1_000_000))
+            .collect();
+        let (stamps, period) = stamps(&times_ns, 0.05, &mut warnings);
+        let stamps_ms = stamps.iter().map(|stamp| stamp.ns / 1_000_000).collect();
+        (stamps_ms, period, warnings.finish().len())
     }
 
     #[test]
     fn real_times_are_kept_and_converted_ones_replaced() {
-        let (stamps, period, warned) = ns(&[Some(10.0), Some(10.1), Some(10.3)]);
-        assert_eq!(stamps, [0, 100_000_000, 300_000_000]);
-        assert!((period - 0.2).abs() < 1e-9 && warned == 0);
-        let (stamps, period, warned) = ns(&[Some(10.0), Some(10.002), Some(10.005)]);
         assert_eq!(
-            (stamps, period, warned),
-            (vec![0, 50_000_000, 100_000_000], 0.05, 1)
+            check(&[Some(10_000), Some(10_100), Some(10_300)]),
+            (vec![0, 100, 300], 0.2, 0)
+        );
+        assert_eq!(
+            check(&[Some(10_000), Some(10_002), Some(10_005)]),
+            (vec![0, 50, 100], 0.05, 1)
         );
     }
 
     #[test]
     fn times_that_jump_back_never_make_stamps_decrease() {
-        let (stamps, _, warned) = ns(&[Some(10.0), Some(10.1), None, Some(3.0), Some(3.1)]);
+        let (stamps, _, warned) = check(&[Some(10_000), Some(10_100), None, Some(3_000), Some(3_100)]);
         assert!(stamps.windows(2).all(|pair| pair[0] < pair[1]), "{stamps:?}");
         assert_eq!(warned, 2);
     }
 
     #[test]
     fn nothing_and_one_are_fine() {
-        assert_eq!(ns(&[]), (vec![], 0.05, 0));
-        assert_eq!(ns(&[Some(5.0)]), (vec![0], 0.05, 0));
+        assert_eq!(check(&[]), (vec![], 0.05, 0));
+        assert_eq!(check(&[Some(5)]), (vec![0], 0.05, 0));
     }
 }

@@ -3,9 +3,11 @@
 //! This crate does not know how a recording came about, and prints nothing.
 
 pub mod error;
+pub mod named_frames;
 pub mod recording;
 pub mod replay;
 pub mod tub;
+pub mod udacity;
 pub mod writer;
 
 mod calendar;

@@ -31,7 +31,7 @@ pub struct RecordingHeader {
 }
 
 /// One camera's picture as the sensor delivered it.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Clone, PartialEq, Eq)]
 pub struct EncodedFrame {
     /// The camera's name.
     pub camera: String,
@@ -39,6 +39,20 @@ pub struct EncodedFrame {
     pub stamp: Stamp,
     /// The compressed bytes, never re-encoded.
     pub encoded: Encoded,
+}
+
+impl std::fmt::Debug for EncodedFrame {
+    /// Without the bytes: nobody reads them.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Encoded { format, bytes } = &self.encoded;
+        write!(
+            f,
+            "{}@{}ns {format:?} {} bytes",
+            self.camera,
+            self.stamp.ns,
+            bytes.len()
+        )
+    }
 }
 
 /// One turn of the drive loop: what was sensed, what was commanded, and why.

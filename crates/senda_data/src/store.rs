@@ -62,6 +62,33 @@ impl Store {
         }
     }
 
+    /// Its own name, without the way to it.
+    pub(crate) fn name(&self) -> String {
+        let name = self.path().file_name().unwrap_or(self.path().as_os_str());
+        name.to_string_lossy().into_owned()
+    }
+
+    /// The first folder that holds a file that `wanted` accepts; a warning names the others. `what`: a plural.
+    pub(crate) fn find(
+        &self,
+        what: &str,
+        wanted: &dyn Fn(&str) -> bool,
+        warnings: &mut Warnings,
+    ) -> Result<Option<String>, DataError> {
+        let mut folders = self.folders_with(wanted)?;
+        if folders.len() > 1 {
+            warnings.add("several sets", || {
+                format!(
+                    "there are {} {what} ({}): the first is read; give the folder of another",
+                    folders.len(),
+                    folders.join(", ")
+                )
+            });
+        }
+        folders.truncate(1);
+        Ok(folders.pop())
+    }
+
     /// How a file is named in messages.
     pub(crate) fn show(&self, name: &str) -> String {
         match self {

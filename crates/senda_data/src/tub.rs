@@ -10,7 +10,7 @@ mod read;
 mod write;
 
 pub use line::{TubLine, TubRecord, parse_line};
-pub use read::{read, read_sessions};
+pub use read::{read, read_runs};
 pub use write::{TubOptions, Written, write};
 
 /// Frames a second of a Donkeycar unless configured otherwise (its `DRIVE_LOOP_HZ`).

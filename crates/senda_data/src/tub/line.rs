@@ -11,7 +11,7 @@ pub struct TubRecord {
     /// The recording session, where it is written.
     pub session: Option<String>,
     /// Time of writing (ms since 1970), where it is written.
-    pub timestamp_ms: Option<f64>,
+    pub timestamp_ms: Option<u64>,
     /// Who drove: `user`, `local_angle` (autopilot steers), `local` (autopilot drives).
     pub mode: Option<String>,
     /// Picture files by key: `cam/image_array`.
@@ -67,7 +67,8 @@ pub fn parse_line(line: &[u8]) -> Result<TubLine, String> {
             ("_index", _) => {}
             ("_session_id", Value::String(session)) => record.session = Some(session),
             ("_timestamp_ms", Value::Number(number)) => {
-                record.timestamp_ms = number.as_f64().filter(|ms| (0.0..1e15).contains(ms));
+                // Other programs write fractions; a cast limits what does not fit.
+                record.timestamp_ms = number.as_u64().or(number.as_f64().map(|ms| ms as u64));
             }
             ("user/mode", Value::String(mode)) => record.mode = Some(mode),
             (_, Value::Number(number)) => {

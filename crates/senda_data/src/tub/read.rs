@@ -2,9 +2,10 @@
 
 use super::line::{TubLine, TubRecord, parse_line};
 use super::{ANGLE_KEY, IMAGE_KEY, NOMINAL_HZ, THROTTLE_KEY, catalog_number, convert, is_tub_file, manifest};
+use crate::imported::{Set, Taken};
 use crate::store::{self, Store};
 use crate::warnings::Warnings;
-use crate::{DataError, EncodedFrame, Recording, Step, imported};
+use crate::{DataError, EncodedFrame, Recording, Step};
 use senda_core::{Body, Encoded, Explanation, Stamp};
 use std::path::Path;
 
@@ -17,133 +18,47 @@ const TOLERATED: f64 = 1.1;
 ///
 /// `body` is the vehicle that recorded it: its steering limit gives the angles their size, its first camera the name and
 /// (scaled to the pictures' size) the lens. Records that cannot be used are left out with a warning. A tub of several
-/// sessions is one recording here, with an event where each begins; [`read_sessions`] keeps them apart.
+/// sessions is one recording here, with an event where each begins; [`read_runs`] keeps them apart.
 pub fn read(path: &Path, body: &Body) -> Result<Recording, DataError> {
-    let mut warnings = Warnings::default();
-    let (source, records) = load(path, body, &mut warnings)?;
-    let sessions = 1 + records
-        .windows(2)
-        .filter(|pair| pair[0].session != pair[1].session)
-        .count();
-    if sessions > 1 {
-        warnings.add("several sessions", || {
-            format!(
-                "the tub holds {sessions} sessions, which are separate drives: here they follow each other"
-            )
-        });
-    }
-    Ok(recording(&source, records, sessions > 1, body, warnings))
+    Ok(load(path, body)?.joined(body))
 }
 
 /// Reads a tub as one recording per session: sequences never cross runs. What concerns the whole tub is warned of in
 /// the first.
-pub fn read_sessions(path: &Path, body: &Body) -> Result<Vec<Recording>, DataError> {
+pub fn read_runs(path: &Path, body: &Body) -> Result<Vec<Recording>, DataError> {
+    Ok(load(path, body)?.apart(body))
+}
+
+fn load(path: &Path, body: &Body) -> Result<Set, DataError> {
     let mut warnings = Warnings::default();
-    let (source, records) = load(path, body, &mut warnings)?;
-    let mut sessions: Vec<Vec<Usable>> = Vec::new();
-    for record in records {
-        match sessions.last_mut() {
-            Some(session) if session[0].session == record.session => session.push(record),
-            _ => sessions.push(vec![record]),
-        }
-    }
-    if sessions.is_empty() {
-        return Ok(vec![recording(&source, Vec::new(), false, body, warnings)]);
-    }
-    let mut warnings = Some(warnings);
-    Ok(sessions
-        .into_iter()
-        .map(|records| recording(&source, records, false, body, warnings.take().unwrap_or_default()))
-        .collect())
-}
-
-/// A record that can become a step.
-struct Usable {
-    session: Option<String>,
-    time_s: Option<f64>,
-    step: Step,
-}
-
-fn recording(
-    source: &str,
-    records: Vec<Usable>,
-    mark: bool,
-    body: &Body,
-    mut warnings: Warnings,
-) -> Recording {
-    let times: Vec<_> = records.iter().map(|record| record.time_s).collect();
-    let (stamps, period_s) = imported::stamps(&times, 1.0 / NOMINAL_HZ, &mut warnings);
-    let mut steps = Vec::with_capacity(records.len());
-    let mut before: Option<Option<String>> = None;
-    for (record, stamp) in records.into_iter().zip(stamps) {
-        let mut step = record.step;
-        step.stamp = stamp;
-        for frame in &mut step.frames {
-            frame.stamp = stamp;
-        }
-        if mark && before.as_ref() != Some(&record.session) {
-            let name = record.session.as_deref().unwrap_or("without a name");
-            step.explanation.event(format!("session {name} begins"));
-            before = Some(record.session);
-        }
-        steps.push(step);
-    }
-    let mut body = body.clone();
-    body.period_s = period_s;
-    imported::fit_cameras(&mut body, &steps, &mut warnings);
-    if steps.is_empty() {
-        warnings.add("nothing", || "there is no usable record".into());
-    }
-    Recording {
-        header: imported::header("tub", source, body, "human"),
-        steps,
-        summary: None,
-        warnings: warnings.finish(),
-    }
-}
-
-/// The tub's own name and its usable records in order.
-fn load(path: &Path, body: &Body, warnings: &mut Warnings) -> Result<(String, Vec<Usable>), DataError> {
-    let mut store = Store::open(path, EXPECTED, warnings)?;
-    let folder = find(&store, warnings)?;
-    let records = records(&store, &folder, warnings)?;
-    let source = path
-        .file_name()
-        .map(|name| name.to_string_lossy().into_owned())
-        .unwrap_or_default();
-    let mut usable = Vec::with_capacity(records.len());
-    for (place, record) in records {
-        if let Some(step) = step(&mut store, &folder, &place, &record, body, warnings) {
-            usable.push(Usable {
-                session: record.session,
-                time_s: record.timestamp_ms.map(|ms| ms * 1e-3),
-                step,
-            });
-        }
-    }
-    Ok((source, usable))
-}
-
-fn find(store: &Store, warnings: &mut Warnings) -> Result<String, DataError> {
-    let folders = store.folders_with(&is_tub_file)?;
-    let Some(first) = folders.first() else {
+    let mut store = Store::open(path, EXPECTED, &mut warnings)?;
+    let folder = store.find("tubs", &is_tub_file, &mut warnings)?;
+    let Some(folder) = folder else {
         return Err(DataError::NotThat {
-            path: store.path().to_owned(),
+            path: path.to_owned(),
             expected: EXPECTED.into(),
             found: "neither manifest.json nor a catalog".into(),
             advice: "give the folder that holds them".into(),
         });
     };
-    if folders.len() > 1 {
-        warnings.add("several tubs", || {
-            format!(
-                "there are {} tubs ({}): the first is read; give the folder of another",
-                folders.len(),
-                folders.join(", ")
-            )
-        });
+    let records = records(&store, &folder, &mut warnings)?;
+    let mut taken = Vec::with_capacity(records.len());
+    for (place, record) in records {
+        if let Some(step) = step(&mut store, &folder, &place, &record, body, &mut warnings) {
+            taken.push(Taken {
+                run: record.session,
+                time_ns: record.timestamp_ms.and_then(|ms| ms.checked_mul(1_000_000)),
+                step,
+            });
+        }
     }
-    Ok(first.clone())
+    Ok(Set {
+        format: "tub",
+        source: store.name(),
+        nominal_s: 1.0 / NOMINAL_HZ,
+        records: taken,
+        warnings,
+    })
 }
 
 /// Where a record was written, for warnings: `catalog_0.catalog:17`.
