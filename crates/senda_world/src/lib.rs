@@ -20,6 +20,7 @@
 //! This crate does not know a camera's pixels, does not move anything, and writes no files.
 
 mod colour;
+pub mod draw;
 mod error;
 mod floor;
 mod library;
