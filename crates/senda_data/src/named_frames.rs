@@ -79,6 +79,13 @@ pub fn parse_name(name: &str) -> Option<NamedFrame> {
             (run, frame, angle)
         }
     };
+    // Pictures of the Udacity simulator end in seconds and milliseconds.
+    if crate::udacity::CAMERAS
+        .iter()
+        .any(|camera| run.starts_with(camera))
+    {
+        return None;
+    }
     let angle_deg: f64 = angle.parse().ok()?;
     (!run.is_empty() && (0.0..=180.0).contains(&angle_deg)).then_some(NamedFrame {
         run: run.to_owned(),
@@ -240,7 +247,7 @@ mod tests {
         check("my_video_3_90.5.png", Some(("my_video", 3, 90.5)));
         check("v251130-f12-a300.png", None);
         check("v251130-f12-aNaN.png", None);
-        check("center_2016_12_01_13_30_48_287.jpg", None);
+        check("center_2016_12_01_13_30_48_120.jpg", None);
         check("12_cam_image_array_.jpg", None);
         check("notes.txt", None);
         check("_1_2.png", None);

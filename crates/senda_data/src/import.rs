@@ -1,0 +1,92 @@
+//! Foreign data becomes recordings of senda.
+
+use crate::open::{Format, open_runs};
+use crate::{DataError, Recording};
+use senda_core::Body;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// One recording that an import wrote.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Imported {
+    /// The file.
+    pub path: PathBuf,
+    /// Steps in it.
+    pub steps: usize,
+    /// Its duration (s).
+    pub duration_s: f64,
+    /// What was damaged, missing or guessed. The file does not keep these.
+    pub warnings: Vec<String>,
+}
+
+/// Turns a foreign data set into recordings, one per run: sequences never cross runs.
+///
+/// `to` is a file when it ends in `.mcap`: then the set must be one run. Otherwise it is a folder, made if missing, for
+/// `<name of the set>-1.mcap` and so on. Nothing is written over. `body` is the vehicle that recorded the data.
+pub fn import(from: &Path, body: &Body, to: &Path) -> Result<Vec<Imported>, DataError> {
+    let format = Format::detect(from)?;
+    if format == Format::Recording {
+        return Err(DataError::NotThat {
+            path: from.to_owned(),
+            expected: "data of another program".into(),
+            found: "a recording of senda".into(),
+            advice: "use it as it is".into(),
+        });
+    }
+    let recordings = open_runs(from, body)?;
+    let single = to.extension().is_some_and(|end| end.eq_ignore_ascii_case("mcap"));
+    if single && recordings.len() != 1 {
+        return Err(DataError::NotThat {
+            path: from.to_owned(),
+            expected: "one run".into(),
+            found: format!("{} runs", recordings.len()),
+            advice: format!("give a folder instead of {}", to.display()),
+        });
+    }
+    let paths: Vec<PathBuf> = if single {
+        vec![to.to_owned()]
+    } else {
+        std::fs::create_dir_all(to).map_err(|e| DataError::write(to, "nothing was saved", e))?;
+        let name = set_name(from);
+        (1..=recordings.len())
+            .map(|number| to.join(format!("{name}-{number}.mcap")))
+            .collect()
+    };
+    // All before any: half an import over an old one would be a mixture.
+    if let Some(there) = paths.iter().find(|path| path.exists()) {
+        return Err(DataError::NotThat {
+            path: there.clone(),
+            expected: "a new file".into(),
+            found: "a file that is already there".into(),
+            advice: "remove it, or give another place".into(),
+        });
+    }
+    recordings
+        .into_iter()
+        .zip(paths)
+        .map(|(recording, path)| save(recording, path))
+        .collect()
+}
+
+fn save(recording: Recording, path: PathBuf) -> Result<Imported, DataError> {
+    recording.save(&path)?;
+    Ok(Imported {
+        path,
+        steps: recording.steps.len(),
+        duration_s: recording.duration_s(),
+        warnings: recording.warnings,
+    })
+}
+
+/// `warehouse` of `…/warehouse.tar.gz`.
+fn set_name(from: &Path) -> String {
+    let name = from
+        .file_name()
+        .map_or_else(|| "data".into(), |name| name.to_string_lossy().into_owned());
+    for end in [".tar.gz", ".tgz", ".tar", ".csv"] {
+        if let Some(stem) = name.strip_suffix(end) {
+            return stem.to_owned();
+        }
+    }
+    name
+}

@@ -1,0 +1,126 @@
+//! Any data set by its path: which format it is, and its recordings.
+
+use crate::store::Store;
+use crate::warnings::Warnings;
+use crate::{DataError, Recording, named_frames, tub, udacity};
+use senda_core::Body;
+use serde::{Deserialize, Serialize};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// The data formats that can be read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Format {
+    /// A recording of senda: an MCAP file, or a folder of such files.
+    Recording,
+    /// A Donkeycar tub, version 2.
+    Tub,
+    /// A recording of the Udacity simulator.
+    Udacity,
+    /// Pictures with the angle in their names.
+    NamedFrames,
+}
+
+impl Format {
+    /// All formats.
+    pub const ALL: [Format; 4] = [Self::Recording, Self::Tub, Self::Udacity, Self::NamedFrames];
+
+    /// The name that commands and files use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Recording => "recording",
+            Self::Tub => "tub",
+            Self::Udacity => "udacity",
+            Self::NamedFrames => "named_frames",
+        }
+    }
+
+    /// Which format lies at a path: by what is in it, not by its name.
+    pub fn detect(path: &Path) -> Result<Self, DataError> {
+        if path.is_file() {
+            let mut head = Vec::new();
+            std::fs::File::open(path)
+                .and_then(|file| file.take(8).read_to_end(&mut head))
+                .map_err(|e| DataError::read(path, e))?;
+            // A recording that was cut off within its first bytes still has its name.
+            if head.starts_with(b"\x89MCAP") || has_end(path, "mcap") {
+                return Ok(Self::Recording);
+            }
+            if has_end(path, "csv") {
+                return Ok(Self::Udacity);
+            }
+        }
+        let store = Store::open(path, EXPECTED, &mut Warnings::default())?;
+        let holds =
+            |wanted: &dyn Fn(&str) -> bool| store.folders_with(wanted).map(|folders| !folders.is_empty());
+        if path.is_dir() && !recordings_in(path)?.is_empty() {
+            Ok(Self::Recording)
+        } else if holds(&tub::is_tub_file)? {
+            Ok(Self::Tub)
+        } else if holds(&|name| name == udacity::LOG)? {
+            Ok(Self::Udacity)
+        } else if holds(&|name| named_frames::parse_name(name).is_some())? {
+            Ok(Self::NamedFrames)
+        } else {
+            Err(DataError::NotThat {
+                path: path.to_owned(),
+                expected: EXPECTED.into(),
+                found: "none of them".into(),
+                advice: "give the file or the folder itself".into(),
+            })
+        }
+    }
+}
+
+const EXPECTED: &str = "a recording (.mcap), a Donkeycar tub, a folder with driving_log.csv, pictures with the angle in \
+                        their names, or a .tar.gz of one of these";
+
+fn has_end(path: &Path, end: &str) -> bool {
+    path.extension()
+        .is_some_and(|found| found.eq_ignore_ascii_case(end))
+}
+
+/// Reads any data set as one recording. `body` is the vehicle that recorded foreign data; recordings of senda bring
+/// their own.
+pub fn open(path: &Path, body: &Body) -> Result<Recording, DataError> {
+    match Format::detect(path)? {
+        Format::Recording if path.is_dir() => match recordings_in(path)?.as_slice() {
+            [only] => Recording::read(only),
+            several => Err(DataError::NotThat {
+                path: path.to_owned(),
+                expected: "one recording".into(),
+                found: format!("{} recordings", several.len()),
+                advice: format!("give one of them, such as {}", several[0].display()),
+            }),
+        },
+        Format::Recording => Recording::read(path),
+        Format::Tub => tub::read(path, body),
+        Format::Udacity => udacity::read(path, body),
+        Format::NamedFrames => named_frames::read(path, body),
+    }
+}
+
+/// Reads any data set as one recording per run.
+pub fn open_runs(path: &Path, body: &Body) -> Result<Vec<Recording>, DataError> {
+    match Format::detect(path)? {
+        Format::Recording if path.is_dir() => recordings_in(path)?
+            .iter()
+            .map(|path| Recording::read(path))
+            .collect(),
+        Format::Recording => Ok(vec![Recording::read(path)?]),
+        Format::Tub => tub::read_runs(path, body),
+        Format::Udacity => udacity::read_runs(path, body),
+        Format::NamedFrames => named_frames::read_runs(path, body),
+    }
+}
+
+/// The MCAP files directly in a folder, sorted by name.
+pub fn recordings_in(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
+    let names = Store::Folder(folder.to_owned()).files_in("")?;
+    Ok(names
+        .iter()
+        .map(|name| folder.join(name))
+        .filter(|path| has_end(path, "mcap"))
+        .collect())
+}
