@@ -1,1 +1,63 @@
-//! (to be written)
+//! Drivers: `line` and `lane` follow painted lines by camera, `expert` follows a path that it is told.
+//!
+//! ```
+//! use senda_core::{Body, Driver, Observation, Steering};
+//! use senda_drivers::{LineDriver, LineOptions};
+//! use senda_geom::{Camera, Lens, Mounting};
+//! let camera = Camera {
+//!     name: "center".into(),
+//!     width_px: 160,
+//!     height_px: 120,
+//!     lens: Lens::pinhole(160, 120, 54f64.to_radians(), 42.3f64.to_radians()),
+//!     mounting: Mounting { x_m: 0.04, y_m: 0.0, z_m: 0.095, yaw_rad: 0.0, tilt_rad: 33f64.to_radians(), roll_rad: 0.0 },
+//! };
+//! let body = Body {
+//!     name: "gopigo".into(),
+//!     steering: Steering::Differential { track_m: 0.11 },
+//!     width_m: 0.14,
+//!     length_m: 0.2,
+//!     speed_limit_mps: 0.4,
+//!     yaw_rate_limit_radps: 6.0,
+//!     period_s: 0.05,
+//!     cameras: vec![camera],
+//! };
+//! let mut driver = LineDriver::new(&body, LineOptions::default()).unwrap();
+//! // Nothing seen yet: it stands and waits.
+//! let command = driver.drive(&Observation::default());
+//! assert_eq!(body.speed_of(&command), 0.0);
+//! ```
+//!
+//! The way of a frame: [`sight`] finds candidates and puts them on the floor, [`line`] or [`lane`] decide which of them
+//! is the path, [`follow`] turns the path's state into a yaw rate, [`speed`] and [`loss`] decide how fast and when to
+//! stop. [`study`] shows what the controller does without camera and world (C13). Two forms live side by side: the
+//! document's ([`Form::Document`]) and one that uses the line's shape on the floor plane ([`Form::Curve`], C17).
+//!
+//! This crate does not know simulators, hardware, files and clocks; the true state reaches [`ExpertDriver`] only.
+
+pub mod expert;
+pub mod follow;
+mod helm;
+pub mod lane;
+mod lane_curve;
+mod lane_document;
+pub mod line;
+pub mod loss;
+mod motion;
+mod options;
+mod path_memory;
+pub mod pid;
+pub mod sight;
+pub mod speed;
+pub mod study;
+#[cfg(test)]
+mod test_vehicle;
+
+pub use expert::{ExpertDriver, ExpertOptions};
+pub use follow::{FollowOptions, Form, LineState};
+pub use lane::{LaneDriver, LaneOptions, LaneShape};
+pub use line::{ChoiceOptions, LineDriver, LineOptions};
+pub use loss::{LossOptions, Mode, WhileLost};
+pub use options::DriverError;
+pub use path_memory::TrackOptions;
+pub use sight::{ContrastChoice, SightOptions};
+pub use speed::SpeedOptions;

@@ -1,0 +1,55 @@
+//! Checking options: what every driver refuses, and how it says so.
+
+use thiserror::Error;
+
+/// Why a driver cannot be made.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum DriverError {
+    /// A camera driver for a vehicle without cameras.
+    #[error("the vehicle `{body}` has no camera, but this driver sees by one; give the vehicle a [[camera]]")]
+    NoCamera {
+        /// The vehicle's name.
+        body: String,
+    },
+    /// A camera that does not see the floor, so that nothing can be followed with it.
+    #[error(
+        "camera `{camera}` of `{body}` sees no floor within 3 m ahead; tilt it down (tilt_rad) or lower it (z_m)"
+    )]
+    NoFloor {
+        /// The vehicle's name.
+        body: String,
+        /// The camera's name.
+        camera: String,
+    },
+    /// An option out of its range.
+    #[error("option `{key}`: expected a number from {lowest} to {highest}, but found {found}")]
+    Range {
+        /// The option with its table.
+        key: &'static str,
+        /// Smallest value accepted.
+        lowest: f64,
+        /// Largest value accepted.
+        highest: f64,
+        /// What was given.
+        found: f64,
+    },
+}
+
+/// Options as a TOML table: for the head of a log (C15: all parameters once).
+pub(crate) fn table<T: serde::Serialize>(options: &T) -> toml::Table {
+    // Our own options are always tables of numbers and words.
+    toml::Table::try_from(options).unwrap_or_default()
+}
+
+/// Refuses NaN and values outside `lowest..=highest`.
+pub(crate) fn check(key: &'static str, found: f64, lowest: f64, highest: f64) -> Result<(), DriverError> {
+    if found >= lowest && found <= highest {
+        return Ok(());
+    }
+    Err(DriverError::Range {
+        key,
+        lowest,
+        highest,
+        found,
+    })
+}

@@ -1,0 +1,372 @@
+//! From a camera's frame to line candidates on the floor: what `line` and `lane` both see by.
+
+use crate::follow::LineState;
+use crate::options::{DriverError, check};
+use senda_core::{Body, Explanation, Frame, Observation, Stamp};
+use senda_geom::{Camera, Vec2, trig};
+use senda_vision::{Contrast, ExtractorOptions, FloorMap, LineBlob, LineExtractor, Statistics, WidthProfile};
+use serde::{Deserialize, Serialize};
+
+/// Whether lines are dark or light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ContrastChoice {
+    /// Decided from what the first frames show (C4), and again as long as no line has been tracked.
+    #[default]
+    Auto,
+    /// Dark lines on a lighter floor.
+    Dark,
+    /// Light lines on a darker floor.
+    Light,
+}
+
+/// How the driver looks.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SightOptions {
+    /// Width of the line that is expected (m). The filters have wide margins: 1 to 4 cm pass with the default.
+    pub line_width_m: f64,
+    /// Dark or light lines.
+    pub contrast: ContrastChoice,
+    /// Points of a line further ahead than this are not used for its shape (m).
+    pub range_m: f64,
+    /// Points are not used where one image row is more than this on the floor (m): there, a pixel decides too much.
+    pub row_footprint_m: f64,
+    /// The image operations (C3, C5).
+    pub extractor: ExtractorOptions,
+}
+
+impl Default for SightOptions {
+    fn default() -> Self {
+        Self {
+            line_width_m: 0.02,
+            contrast: ContrastChoice::Auto,
+            range_m: 1.5,
+            row_footprint_m: 0.03,
+            extractor: ExtractorOptions::default(),
+        }
+    }
+}
+
+impl SightOptions {
+    /// Refuses what makes no sense.
+    pub fn validate(&self) -> Result<(), DriverError> {
+        check("sight.line_width_m", self.line_width_m, 0.001, 10.0)?;
+        check("sight.range_m", self.range_m, 0.05, 1000.0)?;
+        check("sight.row_footprint_m", self.row_footprint_m, 0.001, 10.0)
+    }
+}
+
+/// A point of a line's middle on the floor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct FloorPoint {
+    /// In the vehicle frame (m).
+    pub(crate) at: Vec2,
+    /// How far it may be wrong sideways (m, one standard deviation, a guess from the pixel's size there).
+    pub(crate) sigma_m: f64,
+}
+
+/// A blob that may be a line, with its places on the floor.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Candidate {
+    /// C5's score.
+    pub(crate) score: f64,
+    /// Centre of mass in the picture (px).
+    pub(crate) centroid: Vec2,
+    /// Its place on the floor (vehicle frame, m), where it has one.
+    pub(crate) centroid_on_floor: Option<Vec2>,
+    /// Orientation in the picture (rad), 0 = upright.
+    pub(crate) orientation_rad: f64,
+    /// C9: the straight line through the centroid along the orientation.
+    pub(crate) straight: Option<LineState>,
+    /// Middle points on the floor from near to far.
+    pub(crate) points: Vec<FloorPoint>,
+    /// The same in the picture, for drawing.
+    pub(crate) pixels: Vec<[f32; 2]>,
+}
+
+/// Camera, extraction and floor map for the image size in use.
+pub(crate) struct Sight {
+    camera: Camera,
+    options: SightOptions,
+    eye: Option<Eye>,
+    contrast: Option<Contrast>,
+    /// Sums of scores over the frames so far, newer ones counting more: dark, light.
+    votes: [f64; 2],
+    settled: bool,
+    last_stamp: Option<Stamp>,
+    candidates: Vec<Candidate>,
+    count: usize,
+    statistics: Statistics,
+}
+
+/// What depends on the image size.
+struct Eye {
+    extractor: LineExtractor,
+    map: FloorMap,
+    profile: WidthProfile,
+}
+
+/// Images smaller than this to a side show nothing (px).
+const SMALLEST_SIDE_PX: usize = 16;
+/// Rows used of a blob at most; the others are skipped evenly.
+const ROWS_LIMIT: usize = 40;
+/// A row of the blob this many times wider than the line should be is not across the line.
+const ROW_TOO_WIDE: f64 = 2.5;
+/// C9's second point is this many rows up in an image of 240 rows.
+const SECOND_POINT_ROWS: f64 = 10.0;
+
+impl Sight {
+    pub(crate) fn new(body: &Body, options: &SightOptions) -> Result<Self, DriverError> {
+        options.validate()?;
+        let camera = body.cameras.first().ok_or_else(|| DriverError::NoCamera {
+            body: body.name.clone(),
+        })?;
+        let lowest = Vec2::new(
+            f64::from(camera.width_px) / 2.0,
+            f64::from(camera.height_px) - 0.5,
+        );
+        if !camera
+            .floor_from_pixel(lowest)
+            .is_some_and(|floor| floor.length() < 100.0)
+        {
+            return Err(DriverError::NoFloor {
+                body: body.name.clone(),
+                camera: camera.name.clone(),
+            });
+        }
+        Ok(Self {
+            camera: camera.clone(),
+            options: options.clone(),
+            eye: None,
+            contrast: match options.contrast {
+                ContrastChoice::Auto => None,
+                ContrastChoice::Dark => Some(Contrast::Dark),
+                ContrastChoice::Light => Some(Contrast::Light),
+            },
+            votes: [0.0; 2],
+            settled: options.contrast != ContrastChoice::Auto,
+            last_stamp: None,
+            candidates: Vec::new(),
+            count: 0,
+            statistics: Statistics::default(),
+        })
+    }
+
+    /// The frame of this driver's camera, if the observation has a new one.
+    pub(crate) fn new_frame<'a>(&mut self, observation: &'a Observation) -> Option<&'a Frame> {
+        let frame = observation
+            .frame(&self.camera.name)
+            .or_else(|| observation.first_frame())?;
+        // Recordings without times have 0 everywhere; they are all new.
+        let repeated = frame.stamp.ns != 0 && self.last_stamp == Some(frame.stamp);
+        self.last_stamp = Some(frame.stamp);
+        (!repeated).then_some(frame)
+    }
+
+    /// Looks at a frame; afterwards [`Sight::candidates`] are those of this frame.
+    pub(crate) fn look(&mut self, frame: &Frame) {
+        self.count = 0;
+        self.statistics = Statistics::default();
+        let (width, height) = (frame.image.width(), frame.image.height());
+        if width < SMALLEST_SIDE_PX || height < SMALLEST_SIDE_PX {
+            return;
+        }
+        let fits = self
+            .eye
+            .as_ref()
+            .is_some_and(|eye| (eye.map.width(), eye.map.height()) == (width, height));
+        if !fits {
+            let profile = WidthProfile::from_camera(&self.camera, self.options.line_width_m)
+                .scaled(width as u32, height as u32);
+            self.eye = Some(Eye {
+                extractor: LineExtractor::new(width, height, &profile, self.options.extractor.clone()),
+                map: FloorMap::from_camera(&self.camera, width, height),
+                profile,
+            });
+        }
+        let Some(eye) = &mut self.eye else { return };
+        if !self.settled {
+            let scores = eye.extractor.contrast_scores(&frame.image);
+            self.votes = [
+                0.8 * self.votes[0] + scores.dark,
+                0.8 * self.votes[1] + scores.light,
+            ];
+            self.contrast = Some(if self.votes[0] == 0.0 && self.votes[1] == 0.0 {
+                eye.extractor.decide_contrast(&frame.image)
+            } else if self.votes[0] >= self.votes[1] {
+                Contrast::Dark
+            } else {
+                Contrast::Light
+            });
+        }
+        let contrast = self.contrast.unwrap_or(Contrast::Dark);
+        let blobs = eye.extractor.extract(&frame.image, contrast);
+        for blob in blobs {
+            if self.count == self.candidates.len() {
+                self.candidates.push(Candidate::default());
+            }
+            describe(
+                blob,
+                &eye.map,
+                &eye.profile,
+                &self.options,
+                &mut self.candidates[self.count],
+            );
+            self.count += 1;
+        }
+        self.statistics = eye.extractor.statistics();
+    }
+
+    /// The candidates of the last frame, largest score first.
+    pub(crate) fn candidates(&self) -> &[Candidate] {
+        &self.candidates[..self.count]
+    }
+
+    /// Forgets the last frame's candidates: there is no new frame.
+    pub(crate) fn close(&mut self) {
+        self.count = 0;
+    }
+
+    /// The contrast is right: a line has been tracked with it.
+    pub(crate) fn settle(&mut self) {
+        self.settled = true;
+    }
+
+    /// The contrast in use.
+    pub(crate) fn contrast(&self) -> Option<Contrast> {
+        self.contrast
+    }
+
+    /// Mean, maximum and threshold of the last frame.
+    pub(crate) fn statistics(&self) -> Statistics {
+        self.statistics
+    }
+
+    /// Width of the frames in use (px); of the camera's description before the first frame.
+    pub(crate) fn width_px(&self) -> f64 {
+        self.eye
+            .as_ref()
+            .map_or(f64::from(self.camera.width_px), |eye| eye.map.width() as f64)
+    }
+
+    /// Whether a floor point lies well inside the picture.
+    pub(crate) fn sees(&self, floor: Vec2) -> bool {
+        let Some(eye) = &self.eye else { return false };
+        let (width, height) = (eye.map.width() as f64, eye.map.height() as f64);
+        floor.length() < self.options.range_m
+            && eye.map.pixel(floor).is_some_and(|pixel| {
+                let margin = 0.06 * width;
+                pixel.x > margin
+                    && pixel.x < width - margin
+                    && pixel.y > 0.15 * height
+                    && pixel.y < height - 2.0
+            })
+    }
+
+    /// Draws floor points as a line over the picture.
+    pub(crate) fn draw_floor_line(
+        &self,
+        explanation: &mut Explanation,
+        points: impl Iterator<Item = Vec2>,
+        color: &str,
+    ) {
+        let Some(eye) = &self.eye else { return };
+        let (width, height) = (eye.map.width() as f64, eye.map.height() as f64);
+        let pixels: Vec<[f32; 2]> = points
+            .filter_map(|floor| eye.map.pixel(floor))
+            .filter(|pixel| {
+                pixel.x > -width && pixel.x < 2.0 * width && pixel.y > -height && pixel.y < 2.0 * height
+            })
+            .map(|pixel| [pixel.x as f32, pixel.y as f32])
+            .collect();
+        if pixels.len() > 1 {
+            explanation.polyline(pixels, color, false);
+        }
+    }
+
+    /// Marks a floor point.
+    pub(crate) fn draw_floor_point(&self, explanation: &mut Explanation, floor: Vec2, color: &str) {
+        let Some(eye) = &self.eye else { return };
+        if let Some(pixel) = eye.map.pixel(floor) {
+            if pixel.is_finite() && pixel.length() < 1e5 {
+                let radius = (eye.map.width() as f32 / 60.0).max(1.5);
+                explanation.circle([pixel.x as f32, pixel.y as f32], radius, color);
+            }
+        }
+    }
+}
+
+/// Fills in a candidate from a blob.
+fn describe(
+    blob: &LineBlob,
+    map: &FloorMap,
+    profile: &WidthProfile,
+    options: &SightOptions,
+    candidate: &mut Candidate,
+) {
+    candidate.score = blob.score;
+    candidate.centroid = blob.centroid;
+    candidate.orientation_rad = blob.orientation_rad;
+    let rows_up = SECOND_POINT_ROWS * map.height() as f64 / 240.0;
+    let [first, second] = blob.two_points(rows_up);
+    candidate.centroid_on_floor = map.floor(first);
+    candidate.straight = straight_state(candidate.centroid_on_floor, map.floor(second));
+    candidate.points.clear();
+    candidate.pixels.clear();
+    let every = blob.rows.len().div_ceil(ROWS_LIMIT).max(1);
+    let mut last_u = None;
+    // Rows come from the top; nearer floor is further down.
+    for row in blob.rows.iter().rev().step_by(every) {
+        let expected = profile.at(row.v).max(1.0);
+        if row.at_edge || row.width_px > ROW_TOO_WIDE * expected + 1.0 {
+            continue;
+        }
+        let pixel = Vec2::new(row.u, row.v);
+        let (Some(at), Some(beside), Some(above)) = (
+            map.floor(pixel),
+            map.floor(pixel + Vec2::new(1.0, 0.0)),
+            map.floor(pixel - Vec2::new(0.0, 1.0)),
+        ) else {
+            continue;
+        };
+        if at.length() > options.range_m || (above - at).length() > options.row_footprint_m {
+            continue;
+        }
+        // A blob that bends back has several runs in a row: stay on the branch that was begun.
+        if last_u.is_some_and(|last: f64| (row.u - last).abs() > 3.0 * expected + 2.0 * every as f64) {
+            continue;
+        }
+        last_u = Some(row.u);
+        // Half a pixel, and what a wrong tilt of half a degree does at that distance.
+        let sigma_m = 0.5 * (beside - at).length() + 0.01 * at.length();
+        candidate.points.push(FloorPoint { at, sigma_m });
+        candidate.pixels.push([row.u as f32, row.v as f32]);
+    }
+}
+
+/// C9: the state relative to the straight line through two floor points, directed away from the vehicle.
+fn straight_state(near: Option<Vec2>, far: Option<Vec2>) -> Option<LineState> {
+    let (near, far) = (near?, far?);
+    let direction = (far - near).try_normalize()?;
+    Some(LineState {
+        d_m: direction.perp().dot(near),
+        theta_rad: trig::atan2(direction.y, direction.x),
+        curvature_per_m: 0.0,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_on_the_left_has_positive_d_and_one_that_leans_left_positive_theta() {
+        let state = straight_state(Some(Vec2::new(0.2, 0.05)), Some(Vec2::new(0.3, 0.05))).unwrap();
+        assert!((state.d_m - 0.05).abs() < 1e-12 && state.theta_rad.abs() < 1e-12);
+        let state = straight_state(Some(Vec2::new(0.2, 0.0)), Some(Vec2::new(0.3, 0.1))).unwrap();
+        assert!((state.theta_rad - 45f64.to_radians()).abs() < 1e-12);
+        // It crosses the vehicle's axis 20 cm ahead and passes to the right of the axle.
+        assert!((state.d_m + 0.2 / 2f64.sqrt()).abs() < 1e-12);
+    }
+}
