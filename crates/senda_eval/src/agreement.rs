@@ -1,6 +1,8 @@
 //! How far two drivers agree on the same frames: a human's recorded steering against a driver's.
 
 use crate::statistics::{correlation, mean, median, root_mean_square};
+use crate::text;
+use senda_data::Recording;
 use serde::{Deserialize, Serialize};
 
 /// Agreement of two steerings, in the unit that both were given in. Differences are `driver - reference`.
@@ -16,6 +18,10 @@ pub struct Agreement {
     pub correlation: Option<f64>,
     /// Part of the frames that steer to the same side, among those where the reference steers by more than `dead_band`.
     pub sign_agreement: Option<f64>,
+    /// Frames that steer to the same side.
+    pub same_side: u64,
+    /// Frames where the reference steers by more than `dead_band`.
+    pub sided: u64,
     /// The band around straight that counts as no side.
     pub dead_band: f64,
     /// Mean absolute difference (MAE).
@@ -66,6 +72,8 @@ pub fn agreement(reference: &[f64], driver: &[Option<f64>], dead_band: f64) -> A
         },
         correlation: correlation(&pairs),
         sign_agreement: mean(&sided),
+        same_side: sided.iter().filter(|same| **same > 0.0).count() as u64,
+        sided: sided.len() as u64,
         dead_band,
         mean_absolute_error: mean(&absolute(&differences, 0.0)),
         root_mean_square_error: root_mean_square(&differences),
@@ -73,6 +81,80 @@ pub fn agreement(reference: &[f64], driver: &[Option<f64>], dead_band: f64) -> A
         offset,
         compensated_error: offset.and_then(|offset| mean(&absolute(&differences, offset))),
         constant_error: median(&references).and_then(|middle| mean(&absolute(&references, middle))),
+    }
+}
+
+/// A human who steers by less than this steers straight on (rad): 1°. A guess; the trim of a model car is of that order.
+pub const STRAIGHT_RAD: f64 = std::f64::consts::PI / 180.0;
+
+/// Steering as the angle of the front wheels (rad, left positive): recorded, and a driver's on the same frames. `None`
+/// where the driver says with the signal `found` that it found nothing.
+pub fn steerings(recorded: &Recording, driven: &Recording) -> (Vec<f64>, Vec<Option<f64>>) {
+    let steering = |recording: &Recording, i: usize| {
+        let (body, command) = (&recording.header.body, &recording.steps[i].command);
+        body.steering_of(command.turn, body.speed_of(command))
+    };
+    let count = recorded.steps.len().min(driven.steps.len());
+    let reference = (0..count).map(|i| steering(recorded, i)).collect();
+    let answers = (0..count).map(|i| {
+        let signals = &driven.steps[i].explanation.signals;
+        let lost = signals
+            .iter()
+            .any(|signal| signal.name == "found" && !(signal.value > 0.0));
+        (!lost).then(|| steering(driven, i))
+    });
+    (reference, answers.collect())
+}
+
+/// How a driver's steering agrees with the recorded one, frame by frame (rad, see [`steerings`]).
+pub fn of_recordings(recorded: &Recording, driven: &Recording) -> Agreement {
+    let (reference, answers) = steerings(recorded, driven);
+    agreement(&reference, &answers, STRAIGHT_RAD)
+}
+
+impl Agreement {
+    /// The figures as label and value for people, taking the steerings as radians.
+    pub fn rows(&self) -> Vec<(&'static str, String)> {
+        let number = |value: Option<f64>| value.map_or("unknown".into(), |v| text::fixed(v, 3));
+        let angle = |value: Option<f64>| value.map_or("unknown".into(), text::angle_both);
+        vec![
+            (
+                "found",
+                format!(
+                    "{} of {} frames ({})",
+                    self.compared,
+                    self.frames,
+                    text::percent(self.found_rate)
+                ),
+            ),
+            ("correlation", number(self.correlation)),
+            (
+                "same side",
+                match self.sign_agreement {
+                    Some(part) => format!(
+                        "{} of {} frames ({})",
+                        self.same_side,
+                        self.sided,
+                        text::percent(part)
+                    ),
+                    None => "unknown".into(),
+                },
+            ),
+            ("mean absolute error", angle(self.mean_absolute_error)),
+            ("root mean square error", angle(self.root_mean_square_error)),
+            ("median absolute error", angle(self.median_absolute_error)),
+            ("constant offset", angle(self.offset)),
+            ("error without the offset", angle(self.compensated_error)),
+            ("error of always the median", angle(self.constant_error)),
+        ]
+    }
+
+    /// An aligned table for the terminal, ending with a newline.
+    pub fn to_text(&self) -> String {
+        self.rows()
+            .into_iter()
+            .map(|(label, value)| format!("  {label:27} {value}\n"))
+            .collect()
     }
 }
 

@@ -5,6 +5,7 @@
 pub mod agreement;
 pub mod metrics;
 pub mod plot;
+pub mod report;
 pub mod statistics;
 pub mod summary;
 pub mod text;

@@ -15,6 +15,7 @@ mod drive;
 mod losses;
 mod smoothness;
 
+pub use crate::summary::Summary;
 pub use drive::{ErrorFigures, Metrics, Trace, measure, trace};
 pub use losses::{Losses, losses};
 pub use smoothness::{Motion, Smoothness, smoothness};

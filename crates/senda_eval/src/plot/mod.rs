@@ -16,6 +16,7 @@ pub use bars::{RateBar, RateBars};
 pub use heat::HeatGrid;
 pub use line::{Band, LinePlot, Rule, Series, Span, Stroke};
 pub use map::{Map, MapStyle, Track};
+pub(crate) use svg::thinned;
 
 /// Variables of the light form, as CSS declarations.
 pub const PALETTE_LIGHT: &str = "--surface:#ffffff;--ink:#1a2026;--ink-2:#55606b;--ink-3:#8b96a1;--grid:#e6e9ec;--axis:#b6bec6;\

@@ -106,7 +106,7 @@ pub(super) fn path_data(points: &[[f64; 2]]) -> String {
 
 /// The points needed so that no other is farther than `tolerance` from the line through them (Ramer 1972, Douglas &
 /// Peucker 1973).
-fn thinned(points: &[[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
+pub(crate) fn thinned(points: &[[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
     if points.len() < 3 {
         return points.to_vec();
     }

@@ -1,0 +1,127 @@
+//! A driver on frames that a human drove: what it found and how its steering agrees.
+
+use super::page::{Figure, Page, Row, Table, render};
+use super::plots::Group;
+use super::run::{self, ReportRun};
+use super::signals::{Column, Scale};
+use crate::agreement::{self, Agreement};
+use crate::plot::{Axis, LinePlot, RateBar, RateBars, Series, Stroke};
+use crate::statistics::rate;
+use crate::{Summary, text};
+use senda_data::Recording;
+
+/// A report that shows a driver's detections on recorded frames, and its steering beside the human's.
+///
+/// `human` holds the commands as they were recorded, `driven` the same frames with the commands and explanations of the
+/// driver.
+pub fn real_data_html(page: &Page, human: &Recording, driven: &Recording) -> String {
+    let (reference, answers) = agreement::steerings(human, driven);
+    let agreed = agreement::of_recordings(human, driven);
+    let scale = Scale::of(&driven.header.body);
+    let or_none: Vec<f64> = answers.iter().map(|answer| answer.unwrap_or(f64::NAN)).collect();
+    let columns = vec![
+        Column::from_si("human", "human", "steering_rad", scale, reference.clone()),
+        Column::from_si("driver", "driver", "steering_rad", scale, or_none.clone()),
+    ];
+    let summary = Summary::from_recording(driven, None);
+    let shown = ReportRun {
+        title: "",
+        summary: &summary,
+        recording: driven,
+        world: None,
+        course: None,
+        command: &page.command,
+        frame_times_s: &[],
+    };
+    let mut section = run::section_with(&shown, 0, page.frame_budget_bytes, columns);
+    section.groups.insert(
+        0,
+        Group {
+            title: "Agreement with the human".into(),
+            intro: "The human's steering is no truth: people react late, look far ahead, and hold still for a while. It is what there is.".into(),
+            figures: vec![scatter(&reference, &or_none), found(&agreed)],
+        },
+    );
+    section.tables.push(table(&agreed));
+    render(page, vec![section], Vec::new())
+}
+
+fn scatter(reference: &[f64], answers: &[f64]) -> Figure {
+    let points: Vec<[f64; 2]> = reference
+        .iter()
+        .zip(answers)
+        .map(|(a, b)| [a.to_degrees(), b.to_degrees()])
+        .collect();
+    let most = points
+        .iter()
+        .flatten()
+        .filter(|v| v.is_finite())
+        .fold(1.0f64, |most, v| most.max(v.abs()));
+    let plot = LinePlot {
+        name: "The driver's steering against the human's".into(),
+        x: Axis::new("human's steering", "°").ranged(-most, most),
+        y: Axis::new("driver's steering", "°").ranged(-most, most),
+        series: vec![
+            Series {
+                points: vec![[-most, -most], [most, most]],
+                colour: 6,
+                stroke: Stroke::Dashed,
+                ..Series::default()
+            },
+            Series {
+                points,
+                stroke: Stroke::Dots,
+                ..Series::default()
+            },
+        ],
+        width_px: 480.0,
+        height_px: 380.0,
+        ..LinePlot::default()
+    };
+    Figure {
+        title: "Driver against human".into(),
+        svg: plot.svg(),
+        caption: "One dot a frame; left is positive. On the dashed line both steer alike; a cloud along it but steeper means that the driver steers more.".into(),
+    }
+}
+
+fn found(agreed: &Agreement) -> Figure {
+    let mut rows = vec![RateBar {
+        label: "line or lane found".into(),
+        rate: rate(agreed.compared, agreed.frames),
+        colour: 0,
+    }];
+    if agreed.sided > 0 {
+        rows.push(RateBar {
+            label: "steers to the same side".into(),
+            rate: rate(agreed.same_side, agreed.sided),
+            colour: 2,
+        });
+    }
+    let bars = RateBars {
+        name: "How often the driver found its way and steered to the human's side".into(),
+        label: "frames".into(),
+        rows,
+        width_px: 520.0,
+    };
+    Figure {
+        title: "How often".into(),
+        svg: bars.svg(),
+        caption: format!(
+            "With 95 % intervals (neighbouring frames are alike, so the true intervals are wider). Sides are compared where the human steers by more than {}.",
+            text::angle(agreed.dead_band)
+        ),
+    }
+}
+
+fn table(agreed: &Agreement) -> Table {
+    let rows = agreed.rows().into_iter().map(|(label, value)| Row {
+        cells: vec![label.into(), value],
+        tone: "",
+    });
+    Table {
+        caption: "Differences are driver minus human, in the angle of the front wheels.".into(),
+        columns: vec!["figure".into(), "value".into()],
+        rows: rows.collect(),
+    }
+}

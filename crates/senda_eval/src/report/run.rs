@@ -1,0 +1,620 @@
+//! One run in a report: key figures, player, map, plots.
+
+use super::frames::{self, Film};
+use super::page::{Row, Section, Table};
+use super::plots::{self, Group};
+use super::signals::{Column, Scale, fixed_numbers};
+use crate::Summary;
+use crate::metrics::{self, Course, Trace};
+use crate::plot::{Map, MapStyle, Track};
+use crate::text;
+use senda_core::{Steering, Truth};
+use senda_data::{Recording, Step};
+use senda_geom::{Vec2, angle};
+use senda_world::World;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+/// A run to report on.
+#[derive(Debug, Clone, Copy)]
+pub struct ReportRun<'a> {
+    /// Title of the run; empty: made of driver and world.
+    pub title: &'a str,
+    /// Its figures.
+    pub summary: &'a Summary,
+    /// What was recorded.
+    pub recording: &'a Recording,
+    /// The world it was driven in, as it was driven (reversed if it was); `None` on a real vehicle.
+    pub world: Option<&'a World>,
+    /// The yardstick that the figures were taken with; `None`: that of the world.
+    pub course: Option<Course<'a>>,
+    /// The command line that repeats the run; empty for none.
+    pub command: &'a str,
+    /// Wall time that the driver took for each step (s); empty where unknown.
+    pub frame_times_s: &'a [f64],
+}
+
+/// A number at the head of a run.
+#[derive(Debug, Clone, Default, Serialize)]
+struct Card {
+    label: &'static str,
+    value: String,
+    detail: String,
+    hint: &'static str,
+    tone: &'static str,
+}
+
+/// What the template shows of a run.
+#[derive(Debug, Clone, Default, Serialize)]
+pub(super) struct RunSection {
+    id: String,
+    title: String,
+    place: String,
+    verdict: String,
+    good: bool,
+    mini: String,
+    teaser: String,
+    chips: Vec<(&'static str, String)>,
+    cards: Vec<Card>,
+    size: Option<[usize; 2]>,
+    frames_caption: String,
+    map: String,
+    map_caption: String,
+    pub(super) groups: Vec<Group>,
+    /// Row of the data, time and words.
+    events: Vec<(usize, String, String)>,
+    pub(super) tables: Vec<Table>,
+    /// Title, text, and whether it is for copying.
+    details: Vec<(String, String, bool)>,
+    data: String,
+}
+
+/// A recorded run as columns over its steps.
+pub(super) struct Columns {
+    /// Time since the run began (s).
+    pub(super) time_s: Vec<f64>,
+    /// Per cent of lap; `NaN` without a true pose. `None` without a course.
+    pub(super) percent: Option<Vec<f64>>,
+    /// Whether the vehicle counted as inside the corridor.
+    pub(super) inside: Vec<bool>,
+    /// Half width of the corridor (m).
+    pub(super) half_width_m: Option<f64>,
+    /// Everything that is plotted or read out.
+    pub(super) list: Vec<Column>,
+}
+
+impl Columns {
+    pub(super) fn get(&self, key: &str) -> Option<&Column> {
+        self.list.iter().find(|column| column.key == key)
+    }
+}
+
+/// More steps than these are thinned for the page's script; plots and figures use all.
+const MOST_ROWS: usize = 6000;
+/// Events beyond this number are not listed.
+const MOST_EVENTS: usize = 300;
+
+/// Builds the section of run number `index`, with at most `budget_bytes` of camera frames.
+pub(super) fn section(run: &ReportRun, index: usize, budget_bytes: usize) -> RunSection {
+    section_with(run, index, budget_bytes, Vec::new())
+}
+
+/// As [`section`], with further columns.
+pub(super) fn section_with(
+    run: &ReportRun,
+    index: usize,
+    budget_bytes: usize,
+    more: Vec<Column>,
+) -> RunSection {
+    let course = run
+        .course
+        .or_else(|| run.world.map(|world| Course::of(world, run.summary.laps_wanted)));
+    let mut columns = columns(run, course.as_ref());
+    columns.list.extend(more);
+    let film = frames::film(run.recording, budget_bytes);
+    let stride = run.recording.steps.len().div_ceil(MOST_ROWS).max(1);
+    let events = events(run.recording, stride);
+    let summary = run.summary;
+    let (verdict, good) = summary.verdict();
+    let (map, mini) = match (&course, run.world) {
+        (None, _) => (String::new(), String::new()),
+        (Some(course), world) => maps(run, course, world, &columns),
+    };
+    RunSection {
+        id: format!("run-{}", index + 1),
+        title: title(run),
+        place: [&summary.floor, &summary.light].map(String::as_str).into_iter().filter(|s| !s.is_empty()).collect::<Vec<_>>().join(", "),
+        verdict,
+        good,
+        mini,
+        teaser: teaser(summary),
+        chips: chips(summary),
+        cards: cards(summary),
+        map,
+        map_caption: "The path of the vehicle's axle (blue) over the painted lines (grey), true to scale. The bar across is the start, the arrow the driving direction; the shaded strip is the corridor.".into(),
+        groups: plots::groups(&columns),
+        data: data(run.recording, &columns, &film, &events, stride),
+        size: film.size,
+        frames_caption: film.caption,
+        events: events.into_iter().take(MOST_EVENTS).map(|(row, time_s, words)| (row, format!("{} s", text::fixed(time_s, 2)), words)).collect(),
+        tables: Vec::new(),
+        details: details(run),
+    }
+}
+
+/// A table of all runs.
+pub(super) fn comparison(runs: &[ReportRun]) -> Section {
+    let columns = [
+        "run",
+        "floor",
+        "light",
+        "speed",
+        "laps",
+        "result",
+        "left",
+        "lost",
+        "lane error mean",
+        "max",
+        "heading error mean",
+        "max",
+        "lap time",
+    ];
+    let or_dash = |value: Option<String>| value.unwrap_or_else(|| "–".into());
+    let rows = runs.iter().map(|run| {
+        let s = run.summary;
+        let cells = vec![
+            title(run),
+            s.floor.clone(),
+            s.light.clone(),
+            or_dash(s.speed_mps.map(text::speed)),
+            s.laps.to_string(),
+            s.verdict().0,
+            s.departures.to_string(),
+            s.lost.to_string(),
+            or_dash(s.lane_error_mean_m.map(text::length)),
+            or_dash(s.lane_error_max_m.map(text::length)),
+            or_dash(s.heading_error_mean_rad.map(text::angle)),
+            or_dash(s.heading_error_max_rad.map(text::angle)),
+            or_dash(s.lap_time_s.map(|t| format!("{} s", text::fixed(t, 1)))),
+        ];
+        Row {
+            cells,
+            tone: if s.verdict().1 { "" } else { "bad" },
+        }
+    });
+    let table = Table {
+        caption: "Means per metre of road. Left: how often the vehicle left the corridor. Lost: how often the driver lost sight of the line or lane.".into(),
+        columns: columns.map(String::from).to_vec(),
+        rows: rows.collect(),
+    };
+    Section {
+        title: "All runs".into(),
+        tables: vec![table],
+        ..Section::default()
+    }
+}
+
+fn title(run: &ReportRun) -> String {
+    if !run.title.is_empty() {
+        return run.title.to_owned();
+    }
+    let summary = run.summary;
+    let reversed = if summary.reversed { ", reversed" } else { "" };
+    if summary.world.is_empty() {
+        format!("{} on {}", summary.driver, summary.vehicle)
+    } else {
+        format!("{} on {}{reversed}", summary.driver, summary.world)
+    }
+}
+
+fn teaser(summary: &Summary) -> String {
+    match (summary.lane_error_mean_m, summary.heading_error_mean_rad) {
+        (Some(lane), Some(heading)) => {
+            format!("{} · {} mean error", text::length(lane), text::angle(heading))
+        }
+        _ => format!("{} frames", summary.frames),
+    }
+}
+
+fn chips(summary: &Summary) -> Vec<(&'static str, String)> {
+    let direction = if summary.world.is_empty() {
+        String::new()
+    } else if summary.reversed {
+        "reversed".into()
+    } else {
+        "as drawn".into()
+    };
+    [
+        ("world", summary.world.clone()),
+        ("direction", direction),
+        ("driver", summary.driver.clone()),
+        ("vehicle", summary.vehicle.clone()),
+        ("floor", summary.floor.clone()),
+        ("light", summary.light.clone()),
+        (
+            "speed asked",
+            summary.speed_mps.map_or(String::new(), text::speed),
+        ),
+        ("seed", summary.seed.to_string()),
+    ]
+    .into_iter()
+    .filter(|(_, value)| !value.is_empty())
+    .collect()
+}
+
+fn cards(summary: &Summary) -> Vec<Card> {
+    let mut cards = Vec::new();
+    let mut card = |label, value: String, detail: String, hint, tone| {
+        cards.push(Card {
+            label,
+            value,
+            detail,
+            hint,
+            tone,
+        });
+    };
+    if let (Some(mean), Some(max)) = (summary.lane_error_mean_m, summary.lane_error_max_m) {
+        card(
+            "Lane error, mean",
+            text::length(mean),
+            format!("max {}", text::length(max)),
+            "Distance of the axle from the middle of the line or lane, averaged over the road (B7)",
+            "",
+        );
+    }
+    if let (Some(mean), Some(max)) = (summary.heading_error_mean_rad, summary.heading_error_max_rad) {
+        card(
+            "Heading error, mean",
+            text::angle(mean),
+            format!("max {}", text::angle(max)),
+            "Angle between the vehicle's displacement and the road, averaged over the road (B8)",
+            "",
+        );
+    }
+    if let Some(part) = summary.completion {
+        let wanted = summary
+            .laps_wanted
+            .map_or(String::new(), |laps| format!(" of {}", text::short(laps)));
+        let tone = if summary.completed { "good" } else { "bad" };
+        card(
+            "Driven inside the corridor",
+            text::percent(part),
+            format!("{} laps{wanted}", summary.laps),
+            "Part of the road to be driven that was driven inside the corridor",
+            tone,
+        );
+    }
+    if let Some(time) = summary.lap_time_s {
+        card(
+            "Lap time",
+            format!("{} s", text::fixed(time, 1)),
+            format!("{} on average", text::speed(summary.mean_speed_mps)),
+            "Mean time of the laps that never left the corridor",
+            "",
+        );
+    } else {
+        card(
+            "Duration",
+            format!("{} s", text::fixed(summary.duration_s, 1)),
+            format!("{} on average", text::speed(summary.mean_speed_mps)),
+            "From the first frame to the last",
+            "",
+        );
+    }
+    card(
+        "Distance driven",
+        text::length(summary.distance_m),
+        format!("{} frames", summary.frames),
+        "Length of the driven path",
+        "",
+    );
+    if summary.completion.is_some() {
+        let tone = if summary.departures > 0 { "bad" } else { "" };
+        card(
+            "Left the corridor",
+            times(summary.departures),
+            summary.first_departure_percent.map_or_else(
+                || "never outside".into(),
+                |p| format!("first at {} % of the lap", text::fixed(p, 0)),
+            ),
+            "Episodes outside the corridor",
+            tone,
+        );
+    }
+    if let Some(found) = summary.found_rate {
+        let tone = if summary.lost > 0 { "bad" } else { "" };
+        card(
+            "Line or lane seen",
+            text::percent(found),
+            format!("lost {}", times(summary.lost)),
+            "Part of the frames in which the driver found what it follows",
+            tone,
+        );
+    }
+    if let (Some(change), Some(per_m)) = (
+        summary.smoothness.command_change_radps2,
+        summary.smoothness.command_change_radps_per_m,
+    ) {
+        card(
+            "Steering change",
+            format!("{} rad/s²", text::short(change)),
+            format!("{} rad/s per metre", text::short(per_m)),
+            "Root mean square of the change of the commanded yaw rate: smaller is calmer",
+            "",
+        );
+    }
+    if let (Some(mean), Some(p95)) = (summary.frame_time_mean_s, summary.frame_time_p95_s) {
+        card(
+            "Time a frame",
+            format!("{} ms", text::short(1e3 * mean)),
+            format!("95 % below {} ms", text::short(1e3 * p95)),
+            "Wall time that the driver needed for one frame",
+            "",
+        );
+    }
+    cards
+}
+
+fn times(count: u32) -> String {
+    match count {
+        0 => "never".into(),
+        1 => "once".into(),
+        n => format!("{n} times"),
+    }
+}
+
+fn details(run: &ReportRun) -> Vec<(String, String, bool)> {
+    let header = &run.recording.header;
+    let mut details = Vec::new();
+    if !run.command.is_empty() {
+        details.push(("Repeat this run".into(), run.command.to_owned(), true));
+    }
+    if !header.scenario.is_empty() {
+        details.push((
+            "Scenario with all settings (TOML)".into(),
+            header.scenario.clone(),
+            true,
+        ));
+    }
+    if let Some(world) = &header.world {
+        details.push(("World as it was driven (TOML)".into(), world.clone(), true));
+    }
+    let figures: Vec<String> = run
+        .summary
+        .rows()
+        .into_iter()
+        .map(|(label, value)| format!("{label}: {value}"))
+        .collect();
+    details.push(("All figures".into(), figures.join("\n"), true));
+    if !run.recording.warnings.is_empty() {
+        details.push((
+            format!("Warnings ({})", run.recording.warnings.len()),
+            run.recording.warnings.join("\n"),
+            false,
+        ));
+    }
+    details
+}
+
+/// Events as row of the data, time (s) and words; repeated neighbours once.
+fn events(recording: &Recording, stride: usize) -> Vec<(usize, f64, String)> {
+    let mut events: Vec<(usize, f64, String)> = Vec::new();
+    let mut before: &[String] = &[];
+    for (i, step) in recording.steps.iter().enumerate() {
+        for event in step
+            .explanation
+            .events
+            .iter()
+            .filter(|event| !before.contains(event))
+        {
+            events.push((i / stride, step.stamp.as_s(), text::printable(event)));
+        }
+        before = &step.explanation.events;
+    }
+    events
+}
+
+/// Everything that can be plotted over the steps.
+pub(super) fn columns(run: &ReportRun, course: Option<&Course>) -> Columns {
+    let steps = &run.recording.steps;
+    let body = &run.recording.header.body;
+    let scale = Scale::of(body);
+    let count = steps.len();
+    let mut list = Vec::new();
+    let mut add = |key: &str, name: &str, si_name: &str, values: Vec<f64>| {
+        list.push(Column::from_si(key, name, si_name, scale, values));
+    };
+    let mut percent = None;
+    let mut inside = vec![true; count];
+    if let Some(course) = course {
+        let places: Vec<usize> = (0..count).filter(|i| steps[*i].truth.is_some()).collect();
+        let truths = crate::summary::truths(run.recording);
+        let rows: Trace = metrics::trace(course, &truths);
+        let spread = |values: &[f64]| {
+            let mut spread = vec![f64::NAN; count];
+            for (place, value) in places.iter().zip(values) {
+                spread[*place] = *value;
+            }
+            spread
+        };
+        for (place, row) in places.iter().zip(&rows.inside) {
+            inside[*place] = *row;
+        }
+        percent = Some(spread(&rows.percent));
+        add("offset", "lane error", "offset_m", spread(&rows.offset_m));
+        add(
+            "heading",
+            "heading error",
+            "heading_rad",
+            spread(&rows.heading_error_rad),
+        );
+        // As a driver sees it: where the path lies and points to in the vehicle's frame.
+        let ahead: Vec<f64> = truths
+            .iter()
+            .zip(&rows.station_m)
+            .map(|(truth, station_m)| {
+                angle::difference(
+                    course.path.pose_at(*station_m).heading_rad,
+                    truth.world_from_vehicle.heading_rad,
+                )
+            })
+            .collect();
+        let d: Vec<f64> = rows.offset_m.iter().map(|offset| -offset).collect();
+        add("true_d", "true", "d_m", spread(&d));
+        add("true_theta", "true", "theta_rad", spread(&ahead));
+    }
+    let per_step = |value: &dyn Fn(&Step) -> f64| -> Vec<f64> { steps.iter().map(value).collect() };
+    let true_or_none =
+        |value: fn(&Truth) -> f64| per_step(&|step| step.truth.as_ref().map_or(f64::NAN, value));
+    let asked_mps = |step: &Step| body.speed_of(&step.command);
+    match body.steering {
+        Steering::Differential { .. } => {
+            let asked = per_step(&|step| body.yaw_rate_of(step.command.turn, asked_mps(step)));
+            add("steering", "commanded", "yaw_rate_radps", asked);
+            add(
+                "true_steering",
+                "driven",
+                "yaw_rate_radps",
+                true_or_none(|truth| truth.yaw_rate_radps),
+            );
+        }
+        Steering::Ackermann { .. } => {
+            let asked = per_step(&|step| body.steering_of(step.command.turn, asked_mps(step)));
+            add("steering", "commanded", "steering_rad", asked);
+            add(
+                "true_steering",
+                "driven",
+                "steering_rad",
+                true_or_none(|truth| truth.steering_rad),
+            );
+        }
+    }
+    add("speed", "commanded", "speed_mps", per_step(&asked_mps));
+    let driven = per_step(&|step| {
+        step.truth
+            .map(|t| t.speed_mps)
+            .or(step.speed_mps)
+            .unwrap_or(f64::NAN)
+    });
+    add("true_speed", "driven", "speed_mps", driven);
+    if run.frame_times_s.len() == count && run.frame_times_s.iter().any(|time| *time > 0.0) {
+        add("frame_time", "time spent", "frame_s", run.frame_times_s.to_vec());
+    }
+    for (name, values) in super::signals::of_driver(run.recording) {
+        add(
+            &format!("signal {name}"),
+            &super::signals::words(&name),
+            &name,
+            values,
+        );
+    }
+    list.retain(|column| column.values.iter().any(|value| value.is_finite()));
+    Columns {
+        time_s: steps.iter().map(|step| step.stamp.as_s()).collect(),
+        percent: percent.filter(|p| p.iter().any(|value| value.is_finite())),
+        inside,
+        half_width_m: course.map(|course| course.corridor_half_width_m),
+        list,
+    }
+}
+
+/// The map with the driven path, large and as a thumbnail.
+fn maps(run: &ReportRun, course: &Course, world: Option<&World>, columns: &Columns) -> (String, String) {
+    let mut map = match world {
+        Some(world) => Map::of_world(world),
+        None => Map::of_course(course),
+    };
+    let steps = &run.recording.steps;
+    let points = steps
+        .iter()
+        .map(|s| s.truth.map_or(Vec2::NAN, |t| t.world_from_vehicle.position()))
+        .collect();
+    map.name = format!("Driven path on the map of {}", run.summary.world);
+    map.tracks = vec![Track {
+        name: "driven path".into(),
+        points,
+        inside: columns.inside.clone(),
+        ..Track::default()
+    }];
+    let body = &run.recording.header.body;
+    map.vehicle_m = Some([body.length_m, body.width_m]);
+    map.width_px = 430.0;
+    map.max_height_px = 380.0;
+    let large = map.svg();
+    map.style = MapStyle::Mini;
+    (map.width_px, map.max_height_px) = (74.0, 62.0);
+    (large, map.svg())
+}
+
+/// What the page's script needs.
+fn data(
+    recording: &Recording,
+    columns: &Columns,
+    film: &Film,
+    events: &[(usize, f64, String)],
+    stride: usize,
+) -> String {
+    let thin = |values: &[f64]| -> Vec<f64> { values.iter().step_by(stride).copied().collect() };
+    let truth = |value: &dyn Fn(&Truth) -> f64| -> Vec<f64> {
+        recording
+            .steps
+            .iter()
+            .step_by(stride)
+            .map(|s| s.truth.as_ref().map_or(f64::NAN, value))
+            .collect()
+    };
+    let mut by_key = serde_json::Map::new();
+    for column in &columns.list {
+        by_key.insert(
+            column.key.clone(),
+            Column {
+                values: thin(&column.values),
+                ..column.clone()
+            }
+            .json(),
+        );
+    }
+    let readout: Vec<&str> = [
+        "offset",
+        "heading",
+        "steering",
+        "true_speed",
+        "signal d_m",
+        "signal theta_rad",
+        "signal found",
+        "human",
+        "driver",
+        "frame_time",
+    ]
+    .into_iter()
+    .filter(|key| columns.get(key).is_some())
+    .collect();
+    let frames: Vec<Value> = film
+        .frames
+        .iter()
+        .map(|frame| {
+            let mut frame = frame.clone();
+            frame["step"] = json!(frame["step"].as_u64().unwrap_or(0) as usize / stride);
+            frame
+        })
+        .collect();
+    // The newest first: the script takes the first that is near.
+    let events: Vec<Value> = events
+        .iter()
+        .rev()
+        .take(MOST_EVENTS)
+        .map(|(row, _, words)| json!([row, words]))
+        .collect();
+    text::script_json(&json!({
+        "t": fixed_numbers(&thin(&columns.time_s), 3),
+        "time": fixed_numbers(&thin(&columns.time_s), 3),
+        "percent": columns.percent.as_ref().map(|p| fixed_numbers(&thin(p), 2)),
+        "x": fixed_numbers(&truth(&|t: &Truth| t.world_from_vehicle.x_m), 4),
+        "y": fixed_numbers(&truth(&|t| t.world_from_vehicle.y_m), 4),
+        "heading": fixed_numbers(&truth(&|t| t.world_from_vehicle.heading_rad.to_degrees()), 1),
+        "columns": by_key,
+        "readout": readout,
+        "frames": frames,
+        "events": events,
+    }))
+}

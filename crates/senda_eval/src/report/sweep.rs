@@ -1,0 +1,407 @@
+//! Many runs: rates with intervals by world, floor, light, speed, and every failure with how to repeat it.
+
+use super::page::{Figure, Page, Row, Section, Table, render};
+use crate::plot::{Axis, HeatGrid, LinePlot, RateBar, RateBars, Series, Stroke};
+use crate::statistics::{Interval, Rate, bootstrap_mean, quantile, rate};
+use crate::{Summary, text};
+use serde::{Deserialize, Serialize};
+
+/// One run of a sweep.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct SweepRun {
+    /// Under which name its world is counted: the world's, or a common one for random worlds.
+    pub world: String,
+    /// What came out; `None` if the run could not be made.
+    pub summary: Option<Summary>,
+    /// Why it could not be made.
+    pub error: String,
+    /// The command line that repeats it.
+    pub command: String,
+}
+
+impl SweepRun {
+    /// Whether the goal was reached without leaving the corridor.
+    fn completed(&self) -> bool {
+        self.summary.as_ref().is_some_and(|summary| summary.completed)
+    }
+
+    /// The same, and the line or lane was never lost on the way.
+    fn without_loss(&self) -> bool {
+        self.summary
+            .as_ref()
+            .is_some_and(|summary| summary.completed && summary.lost == 0)
+    }
+}
+
+/// Rates and means of the runs that share a property.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SweepRow {
+    /// The property: `all`, `world`, `driver`, `vehicle`, `floor`, `light`, `speed`, `direction`.
+    pub by: String,
+    /// Its value.
+    pub value: String,
+    /// Runs that reached the goal without leaving the corridor.
+    pub completed: Rate,
+    /// Those of them that never lost the line or lane.
+    pub without_loss: Rate,
+    /// Mean lane error over runs (m) with its bootstrap interval.
+    pub lane_error_m: Option<Interval>,
+    /// 95th percentile of the runs' largest lane error (m).
+    pub lane_error_max_p95_m: Option<f64>,
+    /// Mean heading error over runs (rad) with its bootstrap interval.
+    pub heading_error_rad: Option<Interval>,
+}
+
+/// The figures of a sweep.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SweepTable {
+    /// First over all runs, then by every property that took more than one value.
+    pub rows: Vec<SweepRow>,
+    /// Runs that could not be made at all.
+    pub errors: u64,
+}
+
+/// Resamples of a bootstrap: enough for two digits of an interval.
+const RESAMPLES: usize = 1000;
+
+/// How runs are told apart.
+const PROPERTIES: [(&str, fn(&SweepRun, &Summary) -> String); 7] = [
+    ("driver", |_, s| s.driver.clone()),
+    ("vehicle", |_, s| s.vehicle.clone()),
+    ("world", |run, _| run.world.clone()),
+    ("floor", |_, s| s.floor.clone()),
+    ("light", |_, s| s.light.clone()),
+    ("speed", |_, s| {
+        s.speed_mps.map_or_else(|| "the driver's own".into(), text::speed)
+    }),
+    ("direction", |_, s| {
+        if s.reversed {
+            "reversed".into()
+        } else {
+            "as drawn".into()
+        }
+    }),
+];
+
+/// Rates with 95 % intervals, over all runs and by property. Runs that could not be made count as errors, not as losses.
+pub fn sweep_table(runs: &[SweepRun]) -> SweepTable {
+    let made: Vec<(&SweepRun, &Summary)> = runs
+        .iter()
+        .filter_map(|run| Some((run, run.summary.as_ref()?)))
+        .collect();
+    let mut rows = vec![row("all", "all runs", &made)];
+    for (by, property) in PROPERTIES {
+        let mut values: Vec<(String, Vec<(&SweepRun, &Summary)>)> = Vec::new();
+        for (run, summary) in &made {
+            let value = property(run, summary);
+            match values.iter_mut().find(|(known, _)| *known == value) {
+                Some((_, members)) => members.push((run, summary)),
+                None => values.push((value, vec![(run, summary)])),
+            }
+        }
+        if by == "speed" {
+            let speed = |members: &[(&SweepRun, &Summary)]| members[0].1.speed_mps.unwrap_or(0.0);
+            values.sort_by(|a, b| speed(&a.1).total_cmp(&speed(&b.1)));
+        }
+        if values.len() > 1 {
+            rows.extend(values.iter().map(|(value, members)| row(by, value, members)));
+        }
+    }
+    SweepTable {
+        rows,
+        errors: (runs.len() - made.len()) as u64,
+    }
+}
+
+fn row(by: &str, value: &str, members: &[(&SweepRun, &Summary)]) -> SweepRow {
+    let count = members.len() as u64;
+    let hits = |good: fn(&SweepRun) -> bool| members.iter().filter(|(run, _)| good(run)).count() as u64;
+    let figures = |figure: fn(&Summary) -> Option<f64>| -> Vec<f64> {
+        members
+            .iter()
+            .filter_map(|(_, summary)| figure(summary))
+            .filter(|v| v.is_finite())
+            .collect()
+    };
+    SweepRow {
+        by: by.into(),
+        value: value.into(),
+        completed: rate(hits(SweepRun::completed), count),
+        without_loss: rate(hits(SweepRun::without_loss), count),
+        lane_error_m: bootstrap_mean(&figures(|s| s.lane_error_mean_m), RESAMPLES, 1),
+        lane_error_max_p95_m: quantile(&figures(|s| s.lane_error_max_m), 0.95),
+        heading_error_rad: bootstrap_mean(&figures(|s| s.heading_error_mean_rad), RESAMPLES, 1),
+    }
+}
+
+/// A report of a sweep.
+pub fn sweep_html(page: &Page, runs: &[SweepRun]) -> String {
+    let table = sweep_table(runs);
+    let mut sections = vec![overview(&table)];
+    sections.extend(speeds(&table));
+    sections.extend(grid(runs));
+    sections.push(failures(runs));
+    render(page, Vec::new(), sections)
+}
+
+/// Failures listed with a command each; the rest is only counted.
+const MOST_FAILURES: usize = 200;
+
+fn overview(table: &SweepTable) -> Section {
+    let bars = |rows: &[&SweepRow], pick: fn(&SweepRow) -> Rate, label: &str, name: &str| {
+        let rows = rows
+            .iter()
+            .map(|row| RateBar {
+                label: row.value.clone(),
+                rate: pick(row),
+                colour: if row.by == "all" { 6 } else { 0 },
+            })
+            .collect();
+        RateBars {
+            name: name.into(),
+            label: label.into(),
+            rows,
+            width_px: 560.0,
+        }
+        .svg()
+    };
+    let mut figures = Vec::new();
+    for (by, _) in PROPERTIES {
+        let rows: Vec<&SweepRow> = table.rows.iter().filter(|row| row.by == by).collect();
+        if (2..=60).contains(&rows.len()) {
+            figures.push(Figure {
+                title: format!("Runs without a loss, by {by}"),
+                svg: bars(&rows, |row| row.without_loss, "runs without a loss", &format!("Runs without a loss by {by}")),
+                caption: "Goal reached, never outside the corridor, line or lane never lost. Whiskers: 95 % intervals.".into(),
+            });
+        }
+    }
+    if figures.is_empty() {
+        let all: Vec<&SweepRow> = table.rows.iter().collect();
+        figures.push(Figure {
+            title: "Runs without a loss".into(),
+            svg: bars(
+                &all,
+                |row| row.without_loss,
+                "runs without a loss",
+                "Runs without a loss",
+            ),
+            caption:
+                "Goal reached, never outside the corridor, line or lane never lost. Whisker: 95 % interval."
+                    .into(),
+        });
+    }
+    let columns = [
+        "runs",
+        "by",
+        "number",
+        "completed",
+        "95 % interval",
+        "without a loss",
+        "95 % interval",
+        "lane error, mean",
+        "95 % interval",
+        "max, 95 % below",
+        "heading error, mean",
+    ];
+    let rows = table
+        .rows
+        .iter()
+        .map(|row| Row {
+            cells: cells(row),
+            tone: "",
+        })
+        .collect();
+    Section {
+        title: "Rates".into(),
+        intro: if table.errors > 0 {
+            format!("{} runs could not be made at all; they are listed below and counted nowhere.", table.errors)
+        } else {
+            String::new()
+        },
+        wide: true,
+        figures,
+        tables: vec![Table {
+            caption: "Completed: the goal was reached without leaving the corridor. Without a loss: and the line or lane was never lost. Rates with Wilson's intervals, means over runs with bootstrap intervals.".into(),
+            columns: columns.map(String::from).to_vec(),
+            rows,
+        }],
+        ..Section::default()
+    }
+}
+
+fn cells(row: &SweepRow) -> Vec<String> {
+    let range = |rate: &Rate| {
+        format!(
+            "{} – {}",
+            text::fixed(100.0 * rate.interval.low, 1),
+            text::percent(rate.interval.high)
+        )
+    };
+    let dash = || "–".to_owned();
+    vec![
+        row.value.clone(),
+        row.by.clone(),
+        row.completed.count.to_string(),
+        text::percent(row.completed.interval.value),
+        range(&row.completed),
+        text::percent(row.without_loss.interval.value),
+        range(&row.without_loss),
+        row.lane_error_m.map_or_else(dash, |i| text::length(i.value)),
+        row.lane_error_m.map_or_else(dash, |i| {
+            format!("{} – {}", text::length(i.low), text::length(i.high))
+        }),
+        row.lane_error_max_p95_m.map_or_else(dash, text::length),
+        row.heading_error_rad.map_or_else(dash, |i| text::angle(i.value)),
+    ]
+}
+
+/// Losses against speed, where the sweep varied it.
+fn speeds(table: &SweepTable) -> Option<Section> {
+    let rows: Vec<&SweepRow> = table.rows.iter().filter(|row| row.by == "speed").collect();
+    let speed_cmps = |row: &SweepRow| -> Option<f64> {
+        let (number, unit) = row.value.split_once(' ')?;
+        let factor = if unit == "m/s" { 100.0 } else { 1.0 };
+        number.parse::<f64>().ok().map(|number| number * factor)
+    };
+    let line = |pick: fn(&Interval) -> f64| -> Vec<[f64; 2]> {
+        rows.iter()
+            .filter_map(|row| Some([speed_cmps(row)?, 100.0 * (1.0 - pick(&row.without_loss.interval))]))
+            .collect()
+    };
+    let losses = line(|interval| interval.value);
+    if losses.len() < 2 {
+        return None;
+    }
+    let series = [
+        ("losses", losses, Stroke::Line, 1),
+        ("95 % interval", line(|interval| interval.low), Stroke::Dashed, 6),
+        ("", line(|interval| interval.high), Stroke::Dashed, 6),
+    ]
+    .map(|(name, points, stroke, colour)| Series {
+        name: name.into(),
+        points,
+        colour,
+        stroke,
+        ..Series::default()
+    });
+    let plot = LinePlot {
+        name: "Runs with a loss against speed".into(),
+        x: Axis::new("speed", "cm/s"),
+        y: Axis::new("runs with a loss", "%").including(0.0),
+        series: series.to_vec(),
+        rules: vec![crate::plot::Rule {
+            y: 1.0,
+            name: "1 %".into(),
+        }],
+        width_px: 560.0,
+        height_px: 280.0,
+        ..LinePlot::default()
+    };
+    Some(Section {
+        title: "Losses against speed".into(),
+        wide: true,
+        figures: vec![Figure {
+            title: "Runs with a loss".into(),
+            svg: plot.svg(),
+            caption: "Everything but runs that reached the goal without leaving the corridor and without losing sight.".into(),
+        }],
+        ..Section::default()
+    })
+}
+
+/// Losses by floor and light, where the sweep varied both.
+fn grid(runs: &[SweepRun]) -> Option<Section> {
+    let made: Vec<(&SweepRun, &Summary)> = runs
+        .iter()
+        .filter_map(|run| Some((run, run.summary.as_ref()?)))
+        .collect();
+    let distinct = |pick: fn(&Summary) -> &String| {
+        let mut values: Vec<String> = Vec::new();
+        for (_, summary) in &made {
+            if !values.contains(pick(summary)) {
+                values.push(pick(summary).clone());
+            }
+        }
+        values
+    };
+    let (floors, lights) = (distinct(|s| &s.floor), distinct(|s| &s.light));
+    if floors.len() < 2 || lights.len() < 2 {
+        return None;
+    }
+    let cell = |floor: &String, light: &String| {
+        let here: Vec<&SweepRun> = made
+            .iter()
+            .filter(|(_, s)| s.floor == *floor && s.light == *light)
+            .map(|(run, _)| *run)
+            .collect();
+        let lost = here.iter().filter(|run| !run.without_loss()).count();
+        (!here.is_empty()).then(|| {
+            (
+                lost as f64 / here.len() as f64,
+                format!("{lost} of {}", here.len()),
+            )
+        })
+    };
+    let values = floors
+        .iter()
+        .map(|floor| lights.iter().map(|light| cell(floor, light)).collect())
+        .collect();
+    let heat = HeatGrid {
+        name: "Runs with a loss by floor and light".into(),
+        rows: floors,
+        columns: lights,
+        values,
+        range: [0.0, 0.2],
+        full_is_bad: true,
+    };
+    Some(Section {
+        title: "Floor and light together".into(),
+        wide: true,
+        figures: vec![Figure {
+            title: "Runs with a loss".into(),
+            svg: heat.svg(),
+            caption: "Full colour: one run in five or more.".into(),
+        }],
+        ..Section::default()
+    })
+}
+
+fn failures(runs: &[SweepRun]) -> Section {
+    let failed: Vec<&SweepRun> = runs.iter().filter(|run| !run.without_loss()).collect();
+    let words = |run: &SweepRun| match &run.summary {
+        None => format!("{}: could not be made: {}", run.world, run.error),
+        Some(s) => {
+            let speed = s
+                .speed_mps
+                .map_or(String::new(), |speed| format!(", {}", text::speed(speed)));
+            let verdict = s.verdict().0;
+            let lost = match s.lost {
+                0 => String::new(),
+                1 => ", line lost once".into(),
+                n => format!(", line lost {n} times"),
+            };
+            format!(
+                "{} on {}, {}, {}{speed}, seed {}: {verdict}{lost}",
+                s.driver, s.world, s.floor, s.light, s.seed
+            )
+        }
+    };
+    let intro = match failed.len() {
+        0 => "None.".into(),
+        n if n > MOST_FAILURES => {
+            format!("{n} runs; the first {MOST_FAILURES} with the command that repeats each.")
+        }
+        n => format!("{n} runs, each with the command that repeats it."),
+    };
+    Section {
+        title: "Failures".into(),
+        intro,
+        commands: failed
+            .iter()
+            .take(MOST_FAILURES)
+            .map(|run| (words(run), run.command.clone()))
+            .collect(),
+        ..Section::default()
+    }
+}
