@@ -53,7 +53,7 @@ pub fn paint(world: &World, metres_per_texel: f64) -> FloorPainting {
         texels: vec![[0; 4]; width * height],
         outside: [0; 4],
     };
-    let material = Material::new(&world.floor, metres_per_texel);
+    let mut material = Material::new(&world.floor, metres_per_texel);
     for (j, row) in painting.texels.chunks_exact_mut(width).enumerate() {
         material.row(row, first_column as i64, first_row as i64 + j as i64);
     }
