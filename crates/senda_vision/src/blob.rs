@@ -9,12 +9,12 @@ use senda_geom::{Vec2, trig};
 pub struct RowPoint {
     /// Row centre (px, so row index + 0.5).
     pub v: f64,
-    /// Middle of the run (px), weighted with the residue, so finer than a pixel.
+    /// Middle of the line (px): of the run, weighted with the residue, so finer than a pixel. Where the picture's edge
+    /// cuts the run: half the line's expected width from the end that is visible, so it may lie outside.
     pub u: f64,
     /// Length of the run (px).
     pub width_px: f64,
-    /// Whether the run touches the left or right edge of the image: then `u` is the middle of what is visible, not
-    /// of the line.
+    /// Whether the left or right edge of the image cuts the run: then `u` is an estimate.
     pub at_edge: bool,
 }
 

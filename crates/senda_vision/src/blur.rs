@@ -238,3 +238,81 @@ fn add_fine<const PAIRS: usize>(sums: &mut [u16], pairs: [(&[u16], &[u16], u16);
         sums[x] = sum;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Separable convolution in floating point, border repeated.
+    fn reference(source: &[u8], width: usize, sigma: f64) -> Vec<f64> {
+        let height = source.len() / width;
+        let radius = (3.0 * sigma).ceil() as i64;
+        let weights: Vec<f64> = (-radius..=radius)
+            .map(|k| trig::exp(-0.5 * (k as f64 / sigma) * (k as f64 / sigma)))
+            .collect();
+        let sum: f64 = weights.iter().sum();
+        let pass = |values: &[f64], dx: i64, dy: i64| -> Vec<f64> {
+            (0..values.len())
+                .map(|i| {
+                    let (x, y) = ((i % width) as i64, (i / width) as i64);
+                    (-radius..=radius)
+                        .zip(&weights)
+                        .map(|(k, weight)| {
+                            let u = (x + k * dx).clamp(0, width as i64 - 1) as usize;
+                            let v = (y + k * dy).clamp(0, height as i64 - 1) as usize;
+                            weight / sum * values[v * width + u]
+                        })
+                        .sum()
+                })
+                .collect()
+        };
+        let exact: Vec<f64> = source.iter().map(|value| f64::from(*value)).collect();
+        pass(&pass(&exact, 0, 1), 1, 0)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        #[test]
+        fn within_one_grey_level_of_the_exact_convolution(
+            (width, source) in (1usize..50).prop_flat_map(|width| {
+                (1usize..20).prop_flat_map(move |height| {
+                    prop::collection::vec(any::<u8>(), width * height).prop_map(move |source| (width, source))
+                })
+            }),
+            sigma in prop::sample::select(vec![0.3, 0.77, 1.0, 2.0, 4.0]),
+        ) {
+            let exact = reference(&source, width, sigma);
+            let mut rounded = vec![0; source.len()];
+            let mut fine = vec![0; source.len()];
+            let mut fine_baseline = vec![0; source.len()];
+            GaussianBlur::new(sigma).blur(&source, width, &mut rounded);
+            GaussianBlur::new(sigma).blur_fine(&source, width, &mut fine);
+            GaussianBlur::with_level(sigma, Level::Baseline).blur_fine(&source, width, &mut fine_baseline);
+            prop_assert_eq!(&fine, &fine_baseline);
+            for ((exact, rounded), fine) in exact.iter().zip(&rounded).zip(&fine) {
+                prop_assert!((exact - f64::from(*fine) / 256.0).abs() < 1.0, "{exact} {fine}");
+                prop_assert!((exact - f64::from(*rounded)).abs() < 1.5, "{exact} {rounded}");
+            }
+        }
+    }
+
+    #[test]
+    fn flat_pictures_stay_as_they_are() {
+        for sigma in [0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 3.3, 9.0, 1e9] {
+            for grey in [0, 1, 77, 254, 255] {
+                let source = vec![grey; 40 * 12];
+                let mut target = vec![0; source.len()];
+                GaussianBlur::new(sigma).blur(&source, 40, &mut target);
+                assert_eq!(target, source, "sigma {sigma}");
+            }
+        }
+    }
+
+    #[test]
+    fn not_a_number_changes_nothing() {
+        let mut target = [0; 2];
+        GaussianBlur::new(f64::NAN).blur(&[3, 200], 2, &mut target);
+        assert_eq!(target, [3, 200]);
+    }
+}

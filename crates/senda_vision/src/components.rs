@@ -209,3 +209,120 @@ fn append_runs(row: &[u8], y: u32, runs: &mut Vec<Run>) {
         });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn label(mask: &[Vec<bool>]) -> Components {
+        let width = mask[0].len();
+        let mut components = Components::with_size(width, mask.len());
+        let mut row = vec![0; width.next_multiple_of(8)];
+        components.label(mask.len(), &mut row, |y, row| {
+            for (to, from) in row.iter_mut().zip(&mask[y]) {
+                *to = u8::from(*from);
+            }
+        });
+        components
+    }
+
+    /// Flood fill with 8 neighbours, in scan order.
+    fn flood(mask: &[Vec<bool>]) -> (Vec<Vec<u32>>, Vec<Moments>) {
+        let (height, width) = (mask.len(), mask[0].len());
+        let mut labels = vec![vec![u32::MAX; width]; height];
+        let mut all = Vec::new();
+        for y in 0..height {
+            for x in 0..width {
+                if !mask[y][x] || labels[y][x] != u32::MAX {
+                    continue;
+                }
+                let label = all.len() as u32;
+                let mut moments = Moments {
+                    left: x as u32,
+                    right: 0,
+                    top: y as u32,
+                    ..Moments::default()
+                };
+                let mut open = vec![(x, y)];
+                labels[y][x] = label;
+                while let Some((x, y)) = open.pop() {
+                    let (a, b) = (x as u64, y as u64);
+                    moments.count += 1;
+                    moments.x += a;
+                    moments.y += b;
+                    moments.xx += a * a;
+                    moments.xy += a * b;
+                    moments.yy += b * b;
+                    moments.left = moments.left.min(x as u32);
+                    moments.right = moments.right.max(x as u32 + 1);
+                    moments.bottom = moments.bottom.max(y as u32 + 1);
+                    for v in y.saturating_sub(1)..(y + 2).min(height) {
+                        for u in x.saturating_sub(1)..(x + 2).min(width) {
+                            if mask[v][u] && labels[v][u] == u32::MAX {
+                                labels[v][u] = label;
+                                open.push((u, v));
+                            }
+                        }
+                    }
+                }
+                all.push(moments);
+            }
+        }
+        (labels, all)
+    }
+
+    proptest! {
+        #[test]
+        fn equal_those_of_a_flood_fill(
+            mask in (1usize..40).prop_flat_map(|width| {
+                (0.1..0.9f64).prop_flat_map(move |density| {
+                    prop::collection::vec(prop::collection::vec(prop::bool::weighted(density), width), 1..25)
+                })
+            }),
+        ) {
+            let components = label(&mask);
+            let (labels, moments) = flood(&mask);
+            prop_assert_eq!(components.moments(), &moments[..]);
+            let mut set = 0;
+            for run in components.runs() {
+                for x in run.start..run.end {
+                    prop_assert_eq!(labels[run.y as usize][x as usize], run.component);
+                    set += 1;
+                }
+            }
+            prop_assert_eq!(set, mask.iter().flatten().filter(|bit| **bit).count());
+        }
+    }
+
+    #[test]
+    fn arms_that_meet_late_are_one() {
+        let rows = ["#...#...#", "#.#.#.#.#", "#..#...#.", ".#######."];
+        let mask: Vec<Vec<bool>> = rows
+            .iter()
+            .map(|row| row.bytes().map(|byte| byte == b'#').collect())
+            .collect();
+        let components = label(&mask);
+        assert_eq!(components.moments().len(), 1);
+        assert_eq!(components.moments()[0].count, 18);
+    }
+
+    #[test]
+    fn the_worst_pictures_stay_within_the_reserved_memory() {
+        for (width, height) in [(64, 33), (123, 92), (1, 1), (7, 2)] {
+            for pattern in [
+                |x: usize, y: usize| (x | y) & 1 == 0,
+                |x: usize, y: usize| (x + y) & 1 == 0,
+            ] {
+                let mask: Vec<Vec<bool>> = (0..height)
+                    .map(|y| (0..width).map(|x| pattern(x, y)).collect())
+                    .collect();
+                let fresh = Components::with_size(width, height);
+                let components = label(&mask);
+                assert_eq!(components.runs.capacity(), fresh.runs.capacity());
+                assert_eq!(components.parents.capacity(), fresh.parents.capacity());
+                assert_eq!(components.moments.capacity(), fresh.moments.capacity());
+            }
+        }
+    }
+}

@@ -8,6 +8,7 @@ use crate::morphology::LineResidue;
 use crate::simd::{Kernel, Level};
 use crate::{Contrast, ExtractorOptions, LineBlob, RowPoint, WidthProfile};
 use senda_core::Image;
+use senda_geom::trig;
 
 /// What the log keeps of each extraction (C15 in SPEC), in grey levels of the blurred residue.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -20,7 +21,11 @@ pub struct Statistics {
     pub threshold: f64,
 }
 
-/// How strongly a frame speaks for dark and for light lines: the sums of the scores of all accepted blobs (C4).
+/// How strongly a frame speaks for dark and for light lines (C4): the sums over all accepted blobs of score times mean
+/// residue.
+///
+/// The document sums the scores alone. They know nothing of strength: beside a dark line, under light that falls off
+/// to one side, a faint light shoulder of a few grey levels has a larger box than the line itself.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ContrastScores {
     /// Sum for dark lines.
@@ -36,6 +41,8 @@ pub struct LineExtractor {
     width: usize,
     height: usize,
     options: ExtractorOptions,
+    /// For the size in use.
+    profile: WidthProfile,
     scale: Scale,
     level: Level,
     grey: Vec<u8>,
@@ -85,6 +92,7 @@ impl LineExtractor {
             (narrow as usize, wide as usize)
         });
         Self {
+            profile,
             scale: Scale::new(width, height),
             grey: vec![0; width * height],
             blurred: vec![0; width * height],
@@ -132,9 +140,12 @@ impl LineExtractor {
         self.decide_contrast(image)
     }
 
-    /// Both ways of looking at a frame: the sums of the scores of the blobs that pass (C4).
+    /// Both ways of looking at a frame (C4).
     pub fn contrast_scores(&mut self, image: &Image) -> ContrastScores {
-        let mut total = |contrast| self.extract(image, contrast).iter().map(|blob| blob.score).sum();
+        let mut total = |contrast| {
+            let blobs = self.extract(image, contrast);
+            blobs.iter().map(|blob| blob.score * blob.residue_mean).sum()
+        };
         ContrastScores {
             dark: total(Contrast::Dark),
             light: total(Contrast::Light),
@@ -144,19 +155,22 @@ impl LineExtractor {
     /// Whether the frame shows dark or light lines (C4): the larger total score wins; without any accepted blob the
     /// stronger residue.
     pub fn decide_contrast(&mut self, image: &Image) -> Contrast {
+        let scores = self.contrast_scores(image);
+        if scores.dark != scores.light {
+            return if scores.light > scores.dark {
+                Contrast::Light
+            } else {
+                Contrast::Dark
+            };
+        }
         self.extract(image, Contrast::Dark);
-        let dark = (self.total_score(), self.statistics.max);
+        let dark = self.statistics.max;
         self.extract(image, Contrast::Light);
-        let light = (self.total_score(), self.statistics.max);
-        if light > dark {
+        if self.statistics.max > dark {
             Contrast::Light
         } else {
             Contrast::Dark
         }
-    }
-
-    fn total_score(&self) -> f64 {
-        self.blobs().iter().map(|blob| blob.score).sum()
     }
 
     /// The blobs that pass all limits of C5, largest score first. Valid until the next call.
@@ -274,10 +288,18 @@ impl LineExtractor {
                 moment += u64::from(*value) * i as u64;
             }
             let blob = &mut self.blobs[index as usize];
+            let cos = trig::cos(blob.orientation_rad);
+            let half = 0.5 * self.profile.at(f64::from(run.y) + 0.5) / cos;
+            let u = match (start == 0, end == self.width) {
+                (false, false) => start as f64 + 0.5 + moment as f64 / sum.max(1) as f64,
+                (true, false) => (end as f64 - half).min(end as f64 / 2.0),
+                (false, true) => (start as f64 + half).max((start + end) as f64 / 2.0),
+                (true, true) => self.width as f64 / 2.0,
+            };
             blob.residue_mean += sum as f64;
             blob.rows.push(RowPoint {
                 v: f64::from(run.y) + 0.5,
-                u: start as f64 + 0.5 + moment as f64 / sum.max(1) as f64,
+                u,
                 width_px: (end - start) as f64,
                 at_edge: start == 0 || end == self.width,
             });

@@ -103,3 +103,45 @@ fn convert(grey: Grey, pixels: &[u8], target: &mut [u8]) {
         *to = grey.of_rgb(*pixel);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn grey_of(channel: Channel, rgb: [u8; 3]) -> u8 {
+        // Wide enough for the vector code to take part.
+        let pixels = rgb.repeat(67);
+        let image = Image::from_pixels(67, 1, Channels::Rgb, pixels).expect("three bytes a pixel");
+        let mut target = vec![0; 67];
+        Grey::new(channel).convert(&image, &mut target, Level::detect());
+        assert!(target.iter().all(|value| *value == target[0]));
+        assert_eq!(target[0], Grey::new(channel).of_pixel(&rgb));
+        target[0]
+    }
+
+    proptest! {
+        #[test]
+        fn luminance_is_within_one_level(r: u8, g: u8, b: u8) {
+            let exact = 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b);
+            prop_assert!((f64::from(grey_of(Channel::Luminance, [r, g, b])) - exact).abs() < 1.0);
+        }
+
+        #[test]
+        fn projections_are_within_three_levels(r: u8, g: u8, b: u8, red in -1.0..1.0f64, green in -1.0..1.0f64) {
+            let channel = Channel::Projection { red, green, blue: -0.5 };
+            let exact = 128.0 + red * f64::from(r) + green * f64::from(g) - 0.5 * f64::from(b);
+            let exact = exact.clamp(0.0, 255.0);
+            prop_assert!((f64::from(grey_of(channel, [r, g, b])) - exact).abs() < 2.6);
+        }
+    }
+
+    #[test]
+    fn grey_pixels_keep_their_value() {
+        for grey in 0..=255 {
+            assert_eq!(grey_of(Channel::Luminance, [grey; 3]), grey);
+            assert_eq!(grey_of(Channel::Chroma, [grey; 3]), 0);
+        }
+        assert_eq!(grey_of(Channel::Chroma, [10, 200, 90]), 190);
+    }
+}

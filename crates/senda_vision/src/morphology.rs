@@ -14,16 +14,14 @@ const LANES: usize = 32;
 /// inverted picture, which is the residue of two openings.
 ///
 /// Definition: closing(x) is the smallest, over all windows of the filter's width that contain x, of the largest
-/// value in the window. Windows of the narrow filter may reach over the picture's border by half their width, those
-/// of the wide one not at all: so a line that is cut by the border is found while half of it is visible, and found
-/// when it just touches the border. (The usual rule, all windows centred in the picture, loses a line that
-/// touches the border, because there it melts with the outside.)
+/// value in the window. Windows may reach over the picture's border by half their width; what lies outside does not
+/// count (as in OpenCV): a line cut by the border is found while half of it is visible.
 #[derive(Debug, Clone)]
 pub struct LineResidue {
     width: usize,
     /// Narrow and wide width of each row (px); (0, 0): nothing is expected in this row.
     widths: Vec<(usize, usize)>,
-    /// How far windows of the narrow filter may reach over the border, at most (px).
+    /// How far windows may reach over the border, at most (px).
     padding: usize,
     /// The padded row and its running maxima.
     maxima: Vec<u8>,
@@ -51,8 +49,8 @@ impl LineResidue {
                 if narrow < wide { (narrow, wide) } else { (0, 0) }
             })
             .collect();
-        let padding = widths.iter().map(|(narrow, _)| narrow / 2).max().unwrap_or(0);
         let widest = widths.iter().map(|(_, wide)| *wide).max().unwrap_or(0);
+        let padding = widest / 2;
         // Room to read a window and a register beyond the last position, and to write whole registers.
         let length = width + 2 * padding + 2 * widest + 4 * LANES;
         Self {
@@ -128,12 +126,11 @@ impl Kernel for ResidueKernel<'_> {
                 *to = from ^ self.flip;
             }
             maxima[padding + width..].fill(0);
-            let reach = narrow / 2;
             let mut window = 1;
             grow(maxima, &mut window, narrow, width + 2 * padding, u8::max);
-            arrange(maxima, window, narrow, reach, width, padding, narrow_minima);
+            arrange(maxima, window, narrow, narrow / 2, width, padding, narrow_minima);
             grow(maxima, &mut window, wide, width + 2 * padding, u8::max);
-            arrange(maxima, window, wide, 0, width, padding, wide_minima);
+            arrange(maxima, window, wide, wide / 2, width, padding, wide_minima);
             for (minima, size) in [(&mut *narrow_minima, narrow), (&mut *wide_minima, wide)] {
                 let mut window = 1;
                 grow(minima, &mut window, size, width + size, u8::min);
@@ -199,4 +196,107 @@ fn arrange(
     }
     let end = first + count;
     minima[end..end + size + LANES].fill(255);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The definition, literally.
+    fn closing(row: &[u8], size: usize) -> Vec<u8> {
+        let (width, size, reach) = (row.len() as i64, size as i64, size as i64 / 2);
+        let inside = |x: i64| x >= 0 && x < width;
+        (0..width)
+            .map(|x| {
+                (x - size + 1..=x)
+                    .filter(|a| *a >= -reach && *a <= width - size + reach)
+                    .map(|a| {
+                        (a..a + size)
+                            .filter(|i| inside(*i))
+                            .map(|i| row[i as usize])
+                            .max()
+                            .unwrap_or(0)
+                    })
+                    .min()
+                    .expect("a window around every pixel")
+            })
+            .collect()
+    }
+
+    fn residue(row: &[u8], narrow: usize, wide: usize) -> Vec<u8> {
+        let (narrow, wide) = (closing(row, narrow), closing(row, wide));
+        wide.iter()
+            .zip(narrow)
+            .map(|(wide, narrow)| wide - narrow)
+            .collect()
+    }
+
+    proptest! {
+        #[test]
+        fn equals_the_definition_row_by_row(
+            rows in (1usize..90).prop_flat_map(|width| {
+                prop::collection::vec((prop::collection::vec(any::<u8>(), width), 1usize..=100, 1usize..=100), 1..6)
+            }),
+        ) {
+            let width = rows[0].0.len();
+            let source: Vec<u8> = rows.iter().flat_map(|(row, _, _)| row.clone()).collect();
+            let widths: Vec<(usize, usize)> = rows.iter().map(|(_, a, b)| (*a, *b)).collect();
+            for level in [Level::Baseline, Level::detect()] {
+                let mut filter = LineResidue::with_level(width, widths.iter().copied(), level);
+                let mut target = vec![9; source.len()];
+                for contrast in [Contrast::Dark, Contrast::Light] {
+                    filter.filter(&source, contrast, &mut target);
+                    for ((row, a, b), out) in rows.iter().zip(target.chunks(width)) {
+                        let (a, b) = ((*a).min(width), (*b).min(width));
+                        let row: Vec<u8> = match contrast {
+                            Contrast::Dark => row.clone(),
+                            Contrast::Light => row.iter().map(|value| 255 - value).collect(),
+                        };
+                        let expected = if a < b { residue(&row, a, b) } else { vec![0; width] };
+                        prop_assert_eq!(out, &expected[..]);
+                    }
+                }
+            }
+        }
+
+        #[test]
+        fn a_slope_alone_leaves_nothing_inside(start in 0u8..100, step in 0u8..2) {
+            let row: Vec<u8> = (0..80).map(|x| start + step * x).collect();
+            let mut target = vec![0; 80];
+            LineResidue::new(80, [(5, 20)]).filter(&row, Contrast::Dark, &mut target);
+            prop_assert!(target[10..70].iter().all(|value| *value == 0));
+        }
+    }
+
+    #[test]
+    fn keeps_what_is_as_wide_as_a_line_and_drops_the_rest() {
+        let mut row = vec![200; 120];
+        row[10..13].fill(50); // thinner than the narrow filter
+        row[40..52].fill(50); // a line
+        row[70..110].fill(50); // wider than the wide filter
+        let mut target = vec![0; 120];
+        LineResidue::new(120, [(6, 24)]).filter(&row, Contrast::Dark, &mut target);
+        for (x, value) in target.iter().enumerate() {
+            assert_eq!(*value, if (40..52).contains(&x) { 150 } else { 0 }, "at {x}");
+        }
+    }
+
+    #[test]
+    fn a_line_cut_by_the_border_is_kept() {
+        let mut row = vec![200; 120];
+        row[..8].fill(50);
+        let mut target = vec![0; 120];
+        LineResidue::new(120, [(6, 24)]).filter(&row, Contrast::Dark, &mut target);
+        assert_eq!(target[..8], [150; 8]);
+    }
+
+    #[test]
+    fn senseless_widths_are_harmless() {
+        let mut target = [7; 12];
+        LineResidue::new(4, [(0, 0), (9, 3), (1, 1 << 40)]).filter(&[0; 12], Contrast::Light, &mut target);
+        assert_eq!(target, [0; 12]);
+        LineResidue::new(0, [(1, 2)]).filter(&[], Contrast::Dark, &mut []);
+        LineResidue::new(5, []).filter(&[], Contrast::Dark, &mut []);
+    }
 }

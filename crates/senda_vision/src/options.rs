@@ -106,7 +106,7 @@ impl Default for ExtractorOptions {
             channel: Channel::Luminance,
             blur_sigma_px: 2.0,
             narrow_part: 0.5,
-            wide_part: 2.0,
+            wide_part: 2.5,
             width_min_px: 1.5,
             threshold_mean_factor: 1.5,
             threshold_max_part: 1.0 / 15.0,
