@@ -1,1 +1,82 @@
-fn main() {}
+//! The command line of senda: the only place that prints, parses arguments and reads the clock.
+
+// The edge: here output and wall time belong.
+#![allow(clippy::print_stdout, clippy::print_stderr)]
+
+mod commands;
+mod terminal;
+
+use clap::{Parser, Subcommand};
+
+/// Simulate, record, evaluate and drive small camera-guided vehicles.
+#[derive(Parser)]
+#[command(name = "senda", version, about, long_about = None, arg_required_else_help = false)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Drive a line and a lane around several circuits, floors and lights, and write a report
+    Tour(commands::tour::Arguments),
+    /// Drive one vehicle in one world
+    Drive(commands::drive::Arguments),
+    /// Run a driver over a recording or real data
+    Replay(commands::replay::Arguments),
+    /// Write a report of recordings
+    Report(commands::report::Arguments),
+    /// Check, draw, make and print worlds
+    World(commands::world::Arguments),
+    /// Calibrate a camera or motors
+    Calibrate(commands::calibrate::Arguments),
+    /// Study a controller without pictures
+    Study(commands::study::Arguments),
+    /// Look into data and convert it
+    Data(commands::data::Arguments),
+    /// Run many scenarios and give rates with intervals
+    Sweep(commands::sweep::Arguments),
+    /// Measure senda's speed on this machine
+    Bench(commands::bench::Arguments),
+}
+
+fn main() -> std::process::ExitCode {
+    let arguments = Arguments::parse();
+    terminal::listen_for_interrupts();
+    let result = match arguments.command {
+        None => {
+            greet();
+            Ok(())
+        }
+        Some(Command::Tour(arguments)) => commands::tour::run(arguments),
+        Some(Command::Drive(arguments)) => commands::drive::run(arguments),
+        Some(Command::Replay(arguments)) => commands::replay::run(arguments),
+        Some(Command::Report(arguments)) => commands::report::run(arguments),
+        Some(Command::World(arguments)) => commands::world::run(arguments),
+        Some(Command::Calibrate(arguments)) => commands::calibrate::run(arguments),
+        Some(Command::Study(arguments)) => commands::study::run(arguments),
+        Some(Command::Data(arguments)) => commands::data::run(arguments),
+        Some(Command::Sweep(arguments)) => commands::sweep::run(arguments),
+        Some(Command::Bench(arguments)) => commands::bench::run(arguments),
+    };
+    match result {
+        Ok(()) => std::process::ExitCode::SUCCESS,
+        Err(error) => {
+            terminal::complain(&error);
+            std::process::ExitCode::FAILURE
+        }
+    }
+}
+
+fn greet() {
+    println!(
+        "senda {} simulates, records, evaluates and drives small camera-guided vehicles.
+
+  senda tour                                              see it drive: a report in a few seconds
+  senda drive --world oval --vehicle gopigo --driver line --report run.html
+  senda replay RECORDING --report replay.html             run a driver over recorded or real frames
+
+`senda --help` lists all commands.",
+        env!("CARGO_PKG_VERSION")
+    );
+}

@@ -1,0 +1,87 @@
+//! `senda bench`: how fast this machine runs senda, against the promised rates.
+
+use crate::terminal;
+use anyhow::Result;
+use clap::Args;
+use senda_run::bench::{Case, cases};
+
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Measure each case for about this long (s)
+    #[arg(long, default_value_t = 1.0)]
+    seconds: f64,
+    /// Only cases whose name contains this
+    #[arg(long)]
+    only: Option<String>,
+    /// Print as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// One measured case.
+#[derive(serde::Serialize)]
+struct Row {
+    name: &'static str,
+    per_s: f64,
+    best_per_s: f64,
+    target_per_s: Option<f64>,
+    ratio: Option<f64>,
+}
+
+pub(crate) fn run(arguments: Arguments) -> Result<()> {
+    let mut rows = Vec::new();
+    if !arguments.json {
+        println!("one thread, median of rounds; ratio: measured over promised (on a 2-core AVX2 machine)\n");
+        println!("{:44} {:>12} {:>12} {:>10} {:>7}", "", "a second", "best", "promised", "ratio");
+    }
+    for mut case in cases()? {
+        if terminal::interrupted() {
+            break;
+        }
+        if arguments.only.as_ref().is_some_and(|only| !case.name.contains(only.as_str())) {
+            continue;
+        }
+        let row = measure(&mut case, arguments.seconds);
+        if !arguments.json {
+            let promised = row.target_per_s.map_or("-".to_owned(), |target| format!("{target:.0}"));
+            let ratio = row.ratio.map_or("-".to_owned(), |ratio| format!("{ratio:.2}"));
+            println!("{:44} {:>12.0} {:>12.0} {promised:>10} {ratio:>7}", row.name, row.per_s, row.best_per_s);
+        }
+        rows.push(row);
+    }
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&rows)?);
+    }
+    Ok(())
+}
+
+/// Rounds of about 50 ms, after one that is not counted.
+fn measure(case: &mut Case, seconds: f64) -> Row {
+    let begin = terminal::clock_ns();
+    let mut calls = 0u64;
+    while terminal::seconds_since(begin) < 0.1 {
+        (case.call)();
+        calls += 1;
+    }
+    let a_round = (calls / 2).max(1);
+    let rounds = ((seconds / 0.05) as usize).max(3);
+    let mut rates: Vec<f64> = (0..rounds)
+        .map(|_| {
+            let begin = terminal::clock_ns();
+            for _ in 0..a_round {
+                (case.call)();
+            }
+            a_round as f64 / terminal::seconds_since(begin).max(1e-9)
+        })
+        .collect();
+    rates.sort_by(f64::total_cmp);
+    let per_s = rates[rates.len() / 2];
+    let target_per_s = (case.target_per_s > 0.0).then_some(case.target_per_s);
+    Row {
+        name: case.name,
+        per_s,
+        best_per_s: rates[rates.len() - 1],
+        target_per_s,
+        ratio: target_per_s.map(|target| per_s / target),
+    }
+}

@@ -1,0 +1,251 @@
+//! `senda calibrate …`: sheet, camera, placement and motors (C1, C2, C11 in SPEC).
+
+use super::write_file;
+use anyhow::{Context, Result, bail};
+use clap::{Args, Subcommand};
+use senda_core::Encoded;
+use senda_run::{photograph, scenario::find_vehicle};
+use senda_vision::calibration::{
+    Calibration, CalibrationOptions, Sheet, calibrate,
+    motor::{Measurement, MotorLine},
+    overlay, placement, sheet,
+};
+use std::path::{Path, PathBuf};
+
+#[derive(Args)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    /// Draw the sheet to print at true scale (PDF or SVG)
+    Sheet {
+        /// Where to write it; the ending says the format
+        #[arg(long, value_name = "FILE", default_value = "calibration-sheet.pdf")]
+        out: PathBuf,
+        /// Landscape instead of portrait
+        #[arg(long)]
+        landscape: bool,
+        /// Vehicle whose wheel marks are drawn
+        #[arg(long, default_value = "gopigo")]
+        vehicle: String,
+    },
+    /// Find the sheet in a picture and write the calibration file
+    Camera {
+        /// Photograph (JPEG or PNG) of the sheet by the vehicle's camera
+        #[arg(required_unless_present = "simulate")]
+        photo: Option<PathBuf>,
+        /// Let the simulated camera take the picture instead
+        #[arg(long, conflicts_with = "photo")]
+        simulate: bool,
+        /// Vehicle whose lens and track are used
+        #[arg(long, default_value = "gopigo")]
+        vehicle: String,
+        /// The sheet was printed in landscape
+        #[arg(long)]
+        landscape: bool,
+        /// The lens is unknown: fit the floor map alone
+        #[arg(long)]
+        unknown_lens: bool,
+        /// Accept a vehicle that does not stand right on the sheet
+        #[arg(long)]
+        accept: bool,
+        /// Seed of the simulated picture
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// Where to write the calibration
+        #[arg(long, value_name = "FILE", default_value = "calibration.toml")]
+        out: PathBuf,
+        /// Write the picture with the found corners (SVG)
+        #[arg(long, value_name = "FILE")]
+        overlay: Option<PathBuf>,
+    },
+    /// What a camera sees of the floor, by height and tilt
+    Placement {
+        /// Height of the lens (m)
+        #[arg(long, default_value_t = 0.095)]
+        height: f64,
+        /// Vertical view angle (degrees)
+        #[arg(long, default_value_t = 42.3)]
+        view_deg: f64,
+        /// Wanted near limit (m), with --far: prints height and tilt that give both
+        #[arg(long, requires = "far")]
+        near: Option<f64>,
+        /// Wanted far limit (m)
+        #[arg(long, requires = "near")]
+        far: Option<f64>,
+    },
+    /// The camera's view angle from a page of known size photographed at a known distance
+    ViewAngle {
+        /// Size of the page in the picture (px)
+        #[arg(long)]
+        page_px: f64,
+        /// Size of the picture in the same direction (px)
+        #[arg(long)]
+        image_px: f64,
+        /// Real size of the page (m); A4 is 0.297 by 0.210
+        #[arg(long, default_value_t = 0.297)]
+        page: f64,
+        /// Distance from the lens (m)
+        #[arg(long)]
+        distance: f64,
+    },
+    /// Fit motor value against wheel speed from measurements with the encoders
+    Motors {
+        /// CSV file with the columns value,turns_per_s,volts
+        measurements: PathBuf,
+        /// Voltage for which the line is given
+        #[arg(long, default_value_t = 9.277)]
+        volts: f64,
+    },
+}
+
+pub(crate) fn run(arguments: Arguments) -> Result<()> {
+    match arguments.what {
+        What::Sheet { out, landscape, vehicle } => {
+            let page = page(landscape, &vehicle)?;
+            let bytes = match extension(&out) {
+                "pdf" => sheet::pdf(&page),
+                "svg" => sheet::svg(&page).into_bytes(),
+                other => bail!("{}: expected a name that ends in .pdf or .svg, but found `{other}`", out.display()),
+            };
+            write_file(&out, &bytes)?;
+            println!("{}: print at 100 % and check the ruler", out.display());
+            Ok(())
+        }
+        What::Camera { photo, simulate: _, vehicle, landscape, unknown_lens, accept, seed, out, overlay } => {
+            let spec = find_vehicle(&vehicle)?;
+            let page = page(landscape, &vehicle)?;
+            let (image, encoded) = match photo {
+                Some(path) => read_picture(&path)?,
+                None => {
+                    let image = photograph::of_sheet(&spec, &page, seed)?;
+                    let encoded = senda_core::codec::encode_png(&image)?;
+                    (image, encoded)
+                }
+            };
+            let camera = spec.body().cameras.into_iter().next().context("the vehicle has no camera")?;
+            let camera = camera.resized(image.width() as u32, image.height() as u32);
+            let options = CalibrationOptions {
+                lens: (!unknown_lens).then_some(camera.lens),
+                misplaced: if accept {
+                    senda_vision::calibration::Misplaced::Accept
+                } else {
+                    senda_vision::calibration::Misplaced::Refuse
+                },
+                ..CalibrationOptions::default()
+            };
+            let result = calibrate(&image, &page, &options);
+            if let Some(path) = overlay {
+                let shapes = self::overlay(&result, image.width() as u32, image.height() as u32);
+                write_file(&path, senda_eval::report::picture_svg(&image, &encoded, &shapes).as_bytes())?;
+            }
+            let calibration = result?;
+            write_file(&out, calibration.to_toml().as_bytes())?;
+            describe(&calibration, &out);
+            Ok(())
+        }
+        What::Placement { height, view_deg, near, far } => {
+            let view = view_deg.to_radians();
+            if let (Some(near), Some(far)) = (near, far) {
+                let Some(mountings) = placement::mountings_for(near, far, view) else {
+                    bail!("no height and tilt let {view_deg}° see from {near} to {far} m: a larger view angle is needed");
+                };
+                for (height, tilt) in mountings {
+                    println!("height {:.1} cm, tilt {:.1}°", height * 100.0, tilt.to_degrees());
+                }
+                return Ok(());
+            }
+            println!("height {:.1} cm, vertical view {view_deg}°\n  tilt   sees from      to", height * 100.0);
+            for row in placement::table(height, view, 1f64.to_radians()) {
+                let far_m = row.view.far_m;
+                let far = if far_m.is_finite() { format!("{:.1} cm", far_m * 100.0) } else { "horizon".into() };
+                println!("{:5.1}° {:9.1} cm {far:>9}", row.tilt_rad.to_degrees(), row.view.near_m * 100.0);
+            }
+            Ok(())
+        }
+        What::ViewAngle { page_px, image_px, page, distance } => {
+            let angle = placement::view_angle_rad(page_px, image_px, page, distance)
+                .context("expected sizes and a distance above 0, and a page not larger than the picture")?;
+            println!("{:.1}°", angle.to_degrees());
+            Ok(())
+        }
+        What::Motors { measurements, volts } => {
+            let text = std::fs::read_to_string(&measurements)
+                .with_context(|| format!("cannot read {}", measurements.display()))?;
+            let rows = parse_measurements(&measurements, &text)?;
+            let fit = MotorLine::fit(&rows, volts)?;
+            println!(
+                "value = {:.4} · turns/s + {:.4} at {volts} V  ({} measurements, {:.2} RMS)",
+                fit.line.value_per_revps, fit.line.value_at_rest, fit.measurements, fit.rms_value
+            );
+            Ok(())
+        }
+    }
+}
+
+fn page(landscape: bool, vehicle: &str) -> Result<Sheet> {
+    let mut page = if landscape { Sheet::a4_landscape() } else { Sheet::a4_portrait() };
+    if let senda_core::Steering::Differential { track_m } = find_vehicle(vehicle)?.steering {
+        page.track_m = track_m;
+    }
+    page.check()?;
+    Ok(page)
+}
+
+fn extension(path: &Path) -> &str {
+    path.extension().and_then(|extension| extension.to_str()).unwrap_or_default()
+}
+
+fn read_picture(path: &Path) -> Result<(senda_core::Image, Encoded)> {
+    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let encoded = Encoded::recognise(bytes).with_context(|| path.display().to_string())?;
+    let image = encoded.decode().with_context(|| path.display().to_string())?;
+    Ok((image, encoded))
+}
+
+fn describe(calibration: &Calibration, out: &Path) {
+    let placement = &calibration.placement;
+    println!(
+        "position {:+.1} px, orientation {:+.1} px (accepted up to {:.1} px)",
+        placement.position_px, placement.orientation_px, placement.limit_px
+    );
+    println!(
+        "corners fit to {:.2} px on average, {:.2} px at most ({:.1} mm on the floor)",
+        calibration.reprojection.rms_px,
+        calibration.reprojection.max_px,
+        calibration.reprojection.max_m * 1e3
+    );
+    if let Some(camera) = &calibration.camera {
+        println!(
+            "camera: height {:.1} cm, tilt {:.1}°",
+            camera.mounting.z_m * 100.0,
+            camera.mounting.tilt_rad.to_degrees()
+        );
+    }
+    println!("calibration: {}", out.display());
+}
+
+fn parse_measurements(path: &Path, text: &str) -> Result<Vec<Measurement>> {
+    let mut rows = Vec::new();
+    for (index, line) in text.lines().enumerate() {
+        let line = line.trim();
+        if line.is_empty() || (index == 0 && line.starts_with(|c: char| c.is_alphabetic())) {
+            continue;
+        }
+        let numbers: Option<Vec<f64>> = line.split(',').map(|cell| cell.trim().parse().ok()).collect();
+        match numbers.as_deref() {
+            Some([value, revolutions_per_s, volts]) => {
+                rows.push(Measurement { value: *value, revolutions_per_s: *revolutions_per_s, volts: *volts });
+            }
+            _ => bail!(
+                "{}:{}: expected value,turns_per_s,volts such as 100,0.73,9.277, but found `{line}`",
+                path.display(),
+                index + 1
+            ),
+        }
+    }
+    Ok(rows)
+}

@@ -1,0 +1,65 @@
+//! `senda data …`: look into data and convert them.
+
+use anyhow::{Context, Result};
+use clap::{Args, Subcommand};
+use senda_run::scenario::find_vehicle;
+use std::path::PathBuf;
+
+#[derive(Args)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    /// What is in a data set: frames, duration, cameras, steering
+    Info {
+        /// Recording (MCAP), Donkeycar tub, Udacity folder or named pictures; folders or .tar.gz
+        data: PathBuf,
+        /// Vehicle that foreign data come from
+        #[arg(long, default_value = "donkeycar")]
+        vehicle: String,
+        /// Print as JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Turn foreign data into recordings
+    Import {
+        /// Donkeycar tub, Udacity folder or named pictures; folder or .tar.gz
+        data: PathBuf,
+        /// Folder for the recordings
+        #[arg(long, value_name = "DIR", default_value = "recordings")]
+        out: PathBuf,
+        /// Vehicle that the data come from
+        #[arg(long, default_value = "donkeycar")]
+        vehicle: String,
+    },
+}
+
+pub(crate) fn run(arguments: Arguments) -> Result<()> {
+    match arguments.what {
+        What::Info { data, vehicle, json } => {
+            let body = find_vehicle(&vehicle)?.body();
+            let info = senda_data::info(&data, &body)?;
+            if json {
+                println!("{}", serde_json::to_string_pretty(&info)?);
+            } else {
+                println!("{}", info);
+            }
+            Ok(())
+        }
+        What::Import { data, out, vehicle } => {
+            let body = find_vehicle(&vehicle)?.body();
+            let all = senda_data::import(&data, &body, &out)
+                .with_context(|| format!("cannot import {}", data.display()))?;
+            for written in all {
+                println!("{}: {} steps, {:.1} s", written.path.display(), written.steps, written.duration_s);
+                for warning in written.warnings.iter().take(10) {
+                    eprintln!("warning: {warning}");
+                }
+            }
+            Ok(())
+        }
+    }
+}

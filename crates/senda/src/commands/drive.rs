@@ -1,0 +1,220 @@
+//! `senda drive`: one run.
+
+use super::{
+    report::{PageRun, command_line, page},
+    write_file,
+};
+use crate::terminal;
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use senda_run::{Scenario, drive};
+use std::{
+    fs::File,
+    io::BufWriter,
+    path::{Path, PathBuf},
+};
+
+/// The flags that make a scenario; each overrides the same key of a scenario file.
+#[derive(Args, Clone, Default)]
+pub(crate) struct ScenarioFlags {
+    /// Scenario file (TOML); flags override its keys
+    #[arg(long, value_name = "FILE")]
+    pub(crate) scenario: Option<PathBuf>,
+    /// Ready world, world file or `random-line:SEED` (`senda world list` shows the names)
+    #[arg(long, value_name = "WORLD")]
+    pub(crate) world: Option<String>,
+    /// Ready vehicle or vehicle file
+    #[arg(long, value_name = "VEHICLE")]
+    pub(crate) vehicle: Option<String>,
+    /// line, lane or expert
+    #[arg(long, value_name = "DRIVER")]
+    pub(crate) driver: Option<String>,
+    /// Laps to drive
+    #[arg(long, value_name = "N")]
+    pub(crate) laps: Option<u32>,
+    /// Seed of every random number
+    #[arg(long, value_name = "S")]
+    pub(crate) seed: Option<u64>,
+    /// Light instead of the world's own (daylight, lamp, …)
+    #[arg(long, value_name = "LIGHT")]
+    pub(crate) light: Option<String>,
+    /// Floor instead of the world's own (plain, speckled, glossy, …)
+    #[arg(long, value_name = "FLOOR")]
+    pub(crate) floor: Option<String>,
+    /// Cruising speed in m/s
+    #[arg(long, value_name = "MPS")]
+    pub(crate) speed: Option<f64>,
+    /// Drive the other way round
+    #[arg(long)]
+    pub(crate) reverse: bool,
+    /// Image size, such as 160x120
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub(crate) image: Option<[u32; 2]>,
+    /// Start this much further along the path, in m
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    pub(crate) start_station: Option<f64>,
+    /// Start this far to the left of the path, in m
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    pub(crate) start_offset: Option<f64>,
+    /// Start turned to the left of the path's direction, in rad
+    #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
+    pub(crate) start_heading: Option<f64>,
+    /// The same in degrees
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, conflicts_with = "start_heading")]
+    pub(crate) start_heading_deg: Option<f64>,
+    /// Calibration file: the driver believes its camera instead of the vehicle file's
+    #[arg(long, value_name = "FILE")]
+    pub(crate) calibration: Option<String>,
+    /// End the run after this time, in s
+    #[arg(long, value_name = "S")]
+    pub(crate) time_limit: Option<f64>,
+    /// Option of the driver, as `key=value` (value in TOML); may be repeated
+    #[arg(long = "option", value_name = "KEY=VALUE")]
+    pub(crate) options: Vec<String>,
+}
+
+impl ScenarioFlags {
+    /// The scenario file with the flags laid over it.
+    pub(crate) fn scenario(&self) -> Result<Scenario> {
+        let scenario = match &self.scenario {
+            Some(path) => Scenario::load(path)?,
+            None => Scenario::new("oval", "gopigo", "line"),
+        };
+        self.over(scenario)
+    }
+
+    /// The flags laid over a scenario.
+    pub(crate) fn over(&self, mut scenario: Scenario) -> Result<Scenario> {
+        let set = |into: &mut String, from: &Option<String>| {
+            if let Some(from) = from {
+                into.clone_from(from);
+            }
+        };
+        set(&mut scenario.world, &self.world);
+        set(&mut scenario.vehicle, &self.vehicle);
+        set(&mut scenario.driver, &self.driver);
+        scenario.laps = self.laps.unwrap_or(scenario.laps);
+        scenario.seed = self.seed.unwrap_or(scenario.seed);
+        scenario.light = self.light.clone().or(scenario.light);
+        scenario.floor = self.floor.clone().or(scenario.floor);
+        scenario.speed_mps = self.speed.or(scenario.speed_mps);
+        scenario.reverse |= self.reverse;
+        scenario.image_px = self.image.or(scenario.image_px);
+        scenario.start.offset_m = self.start_offset.unwrap_or(scenario.start.offset_m);
+        scenario.start.station_m = self.start_station.unwrap_or(scenario.start.station_m);
+        let heading = self.start_heading.or(self.start_heading_deg.map(f64::to_radians));
+        scenario.start.heading_rad = heading.unwrap_or(scenario.start.heading_rad);
+        scenario.calibration = self.calibration.clone().or(scenario.calibration);
+        scenario.time_limit_s = self.time_limit.or(scenario.time_limit_s);
+        merge(&mut scenario.driver_options, parse_option_list(&self.options)?);
+        scenario.check()?;
+        Ok(scenario)
+    }
+}
+
+/// Every `KEY=VALUE` in one table.
+pub(crate) fn parse_option_list(options: &[String]) -> Result<toml::Table> {
+    let mut table = toml::Table::new();
+    for option in options {
+        merge(&mut table, parse_option(option)?);
+    }
+    Ok(table)
+}
+
+/// `follow.kp=1.2` sets the key `kp` of the table `follow`.
+fn parse_option(option: &str) -> Result<toml::Table> {
+    let Some((key, value)) = option.split_once('=') else {
+        bail!("--option {option}: expected KEY=VALUE, such as kp=1.2");
+    };
+    toml::from_str(&format!("{key} = {value}"))
+        // A bare word is a string.
+        .or_else(|_| toml::from_str(&format!("{key} = \"{value}\"")))
+        .with_context(|| format!("--option {option}: the value is not TOML"))
+}
+
+fn merge(into: &mut toml::Table, from: toml::Table) {
+    for (key, value) in from {
+        match (into.get_mut(&key), value) {
+            (Some(toml::Value::Table(old)), toml::Value::Table(new)) => merge(old, new),
+            (_, value) => {
+                into.insert(key, value);
+            }
+        }
+    }
+}
+
+pub(crate) fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let sizes = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    sizes.ok_or_else(|| format!("expected WIDTHxHEIGHT such as 160x120, but found `{text}`"))
+}
+
+#[derive(Args)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    flags: ScenarioFlags,
+    /// Keep the run as a recording (MCAP) in this folder
+    #[arg(long, value_name = "DIR")]
+    record: Option<PathBuf>,
+    /// Write a report (one HTML file)
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(arguments: Arguments) -> Result<()> {
+    let scenario = arguments.flags.scenario()?;
+    let began_ns = terminal::clock_ns();
+    let bar = terminal::bar(&format!("{} {} {}", scenario.driver, scenario.world, scenario.vehicle));
+    let mut ears = terminal::ears(&bar);
+    let (mut outcome, recording) = match (&arguments.record, &arguments.report) {
+        (Some(folder), report) => {
+            let path = recording_path(folder, &scenario)?;
+            let file = File::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
+            let (outcome, _) = drive::run(&scenario, Some(BufWriter::new(file)), &mut ears)
+                .with_context(|| format!("while recording to {}", path.display()))?;
+            eprintln!("recording: {}", path.display());
+            let recording = report.is_some().then(|| senda_data::Recording::read(&path)).transpose()?;
+            (outcome, recording)
+        }
+        (None, Some(_)) => {
+            let (outcome, recording) = drive::recorded(&scenario, &mut ears)?;
+            (outcome, Some(recording))
+        }
+        (None, None) => (drive::in_memory(&scenario, &mut ears)?, None),
+    };
+    drop(ears);
+    bar.finish_and_clear();
+    outcome.summary.wall_s = terminal::seconds_since(began_ns);
+    if let (Some(path), Some(recording)) = (&arguments.report, recording) {
+        let title = format!("{} drives {} on {}", scenario.driver, scenario.vehicle, scenario.world);
+        let (summary, frame_times_ns) = (outcome.summary.clone(), outcome.frame_times_ns);
+        let run = PageRun { recording, summary, frame_times_ns };
+        write_file(path, page(&title, &command_line(), &[run])?.as_bytes())?;
+        eprintln!("report: {}", path.display());
+    }
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&outcome.summary)?);
+    } else {
+        println!("{}", outcome.summary.text());
+    }
+    Ok(())
+}
+
+/// `DIR/oval-gopigo-line-1.mcap`; an existing file is never overwritten.
+fn recording_path(folder: &Path, scenario: &Scenario) -> Result<PathBuf> {
+    std::fs::create_dir_all(folder).with_context(|| format!("cannot make folder {}", folder.display()))?;
+    let stem = |name: &str| -> String {
+        let last = Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        last.chars().map(|c| if c.is_alphanumeric() || c == '-' { c } else { '-' }).collect()
+    };
+    let name = format!("{}-{}-{}-{}", stem(&scenario.world), stem(&scenario.vehicle), scenario.driver, scenario.seed);
+    let mut path = folder.join(format!("{name}.mcap"));
+    let mut number = 2;
+    while path.exists() {
+        path = folder.join(format!("{name}-{number}.mcap"));
+        number += 1;
+    }
+    Ok(path)
+}

@@ -1,0 +1,136 @@
+//! `senda replay`: a driver over recorded or real frames.
+
+use super::{
+    drive::parse_option_list,
+    report::{PageRun, command_line, page},
+    write_file,
+};
+use crate::terminal;
+use anyhow::{Result, bail};
+use clap::Args;
+use senda_data::{Format, Recording};
+use senda_eval::{
+    Summary, agreement,
+    report::{Page, real_data_html},
+};
+use senda_run::{replay, scenario::find_vehicle};
+use std::path::{Path, PathBuf};
+
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Recording (MCAP), or a Donkeycar tub (folder or .tar.gz)
+    data: PathBuf,
+    /// Another driver than the recorded one; for foreign data `lane` unless given
+    #[arg(long, value_name = "DRIVER")]
+    driver: Option<String>,
+    /// Vehicle that foreign data come from: its camera tells where the floor is
+    #[arg(long, value_name = "VEHICLE", default_value = "donkeycar")]
+    vehicle: String,
+    /// Another cruising speed in m/s
+    #[arg(long, value_name = "MPS")]
+    speed: Option<f64>,
+    /// Option of the driver, as `key=value` (value in TOML); may be repeated
+    #[arg(long = "option", value_name = "KEY=VALUE")]
+    options: Vec<String>,
+    /// Write a report (one HTML file)
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// A recording of ours, with its warnings printed.
+pub(crate) fn read_recording(path: &Path) -> Result<Recording> {
+    if !path.exists() {
+        bail!("{}: no such file", path.display());
+    }
+    let recording = Recording::read(path)?;
+    warn(&recording);
+    Ok(recording)
+}
+
+/// Any data, and whether another program recorded them.
+fn open(path: &Path, vehicle: &str) -> Result<(Recording, bool)> {
+    if !path.exists() {
+        bail!("{}: no such file or folder", path.display());
+    }
+    let foreign = Format::detect(path)? != Format::Recording;
+    let recording = senda_data::open(path, &find_vehicle(vehicle)?.body())?;
+    warn(&recording);
+    Ok((recording, foreign))
+}
+
+fn warn(recording: &Recording) {
+    for warning in recording.warnings.iter().take(10) {
+        eprintln!("warning: {warning}");
+    }
+    if recording.warnings.len() > 10 {
+        eprintln!("warning: {} more like these", recording.warnings.len() - 10);
+    }
+}
+
+pub(crate) fn run(arguments: Arguments) -> Result<()> {
+    let (recording, foreign) = open(&arguments.data, &arguments.vehicle)?;
+    let driver = arguments.driver.clone().or_else(|| foreign.then(|| "lane".to_owned()));
+    let options =
+        replay::Options { driver, speed_mps: arguments.speed, driver_options: parse_option_list(&arguments.options)? };
+    let changed = options.driver.as_deref().is_some_and(|driver| driver != recording.header.driver)
+        || options.speed_mps.is_some()
+        || !options.driver_options.is_empty();
+    let human = recording.clone();
+    let bar = terminal::bar("replay");
+    let mut ears = terminal::ears(&bar);
+    let replayed = replay::run(recording, &options, &mut ears)?;
+    drop(ears);
+    bar.finish_and_clear();
+    let agreement = agreement::of_recordings(&human, &replayed.recording);
+    if let Some(path) = &arguments.report {
+        let page = if foreign {
+            let title = format!("{} on real frames", replayed.recording.header.driver);
+            real_data_html(&Page::new(&title, &command_line()), &human, &replayed.recording)
+        } else {
+            let mut run = PageRun::recorded(replayed.recording.clone());
+            run.frame_times_ns.clone_from(&replayed.frame_times_ns);
+            page("Replay", &command_line(), &[run])?
+        };
+        write_file(path, page.as_bytes())?;
+        eprintln!("report: {}", path.display());
+    }
+    let summary = Summary::from_recording(&replayed.recording, None);
+    if arguments.json {
+        let value = serde_json::json!({
+            "steps": replayed.steps,
+            "different_commands": replayed.different_commands,
+            "damaged_frames": replayed.damaged_frames,
+            "found_rate": summary.found_rate,
+            "lost": summary.lost,
+            "driver": replayed.recording.header.driver,
+            "agreement": agreement,
+        });
+        println!("{}", serde_json::to_string_pretty(&value)?);
+        return Ok(());
+    }
+    println!("{} steps replayed with driver {}", replayed.steps, replayed.recording.header.driver);
+    if replayed.damaged_frames > 0 {
+        println!("{} damaged frames left out", replayed.damaged_frames);
+    }
+    if let Some(found) = summary.found_rate {
+        println!("line or lane found in {:.1} % of the frames", found * 100.0);
+    }
+    if foreign {
+        println!("{}", agreement.to_text());
+    } else if replayed.different_commands == 0 {
+        println!("every command equals the recorded one");
+    } else if changed {
+        println!("{} commands differ from the recorded driver's", replayed.different_commands);
+    } else {
+        bail!(
+            "{} of {} commands differ from the recorded ones: the recording was made by another version of senda ({}), or senda is broken",
+            replayed.different_commands,
+            replayed.steps,
+            human.header.senda
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,179 @@
+//! `senda world …`: list, check, draw, make and print worlds.
+
+use super::write_file;
+use anyhow::{Context, Result, bail};
+use clap::{Args, Subcommand};
+use senda_run::{random, scenario::find_world};
+use senda_world::{FLOOR_PRESETS, LIGHT_PRESETS, VehicleSpec, World, draw, paint};
+use std::path::{Path, PathBuf};
+
+#[derive(Args)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    /// Names of ready worlds, vehicles, floors, lights and random families
+    List,
+    /// Read a world file and say what is wrong with it
+    Check {
+        /// World files
+        #[arg(required = true)]
+        files: Vec<PathBuf>,
+        /// Vehicle that should fit
+        #[arg(long)]
+        vehicle: Option<String>,
+    },
+    /// Draw a world: SVG as a plan, PNG as it looks from above
+    Draw {
+        /// Ready world, world file or random-line:SEED
+        world: String,
+        /// Where to write it; the ending says the format
+        #[arg(long, value_name = "FILE")]
+        out: PathBuf,
+        /// Pixels a metre of a PNG
+        #[arg(long, default_value_t = 250.0)]
+        resolution: f64,
+        /// Floor instead of the world's own
+        #[arg(long)]
+        floor: Option<String>,
+        /// Light instead of the world's own
+        #[arg(long)]
+        light: Option<String>,
+    },
+    /// Make a world from a seed
+    Random {
+        /// Seed
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// Family: random-line, random-lane or random-circuit
+        #[arg(long, default_value = "random-line")]
+        family: String,
+        /// Tightest curve (m)
+        #[arg(long, value_name = "M")]
+        min_radius: Option<f64>,
+        /// Shortest and longest length, such as 4,9 (m)
+        #[arg(long, value_delimiter = ',', value_name = "M,M")]
+        length: Option<Vec<f64>>,
+        /// Where to write it
+        #[arg(long, value_name = "FILE")]
+        out: PathBuf,
+    },
+    /// Print a world at true scale, to tape it on a floor
+    Print {
+        /// Ready world, world file or random-line:SEED
+        world: String,
+        /// PDF file, or a folder for SVG pages
+        #[arg(long, value_name = "FILE")]
+        out: PathBuf,
+        /// a4 or a3
+        #[arg(long, default_value = "a4")]
+        paper: String,
+    },
+}
+
+pub(crate) fn run(arguments: Arguments) -> Result<()> {
+    match arguments.what {
+        What::List => {
+            list();
+            Ok(())
+        }
+        What::Check { files, vehicle } => check(&files, vehicle.as_deref()),
+        What::Draw { world, out, resolution, floor, light } => {
+            let mut world = find_world(&world)?;
+            if let Some(floor) = floor {
+                world = world.with_floor(&floor)?;
+            }
+            if let Some(light) = light {
+                world = world.with_light(&light)?;
+            }
+            if !(10.0..=2000.0).contains(&resolution) {
+                bail!("--resolution {resolution}: expected 10 to 2000 pixels a metre");
+            }
+            let bytes = match extension(&out) {
+                "svg" => Vec::new(),
+                "png" => draw::png(&paint::paint(&world, 1.0 / resolution)),
+                other => bail!("{}: expected a name that ends in .svg or .png, but found `{other}`", out.display()),
+            };
+            write_file(&out, &bytes)?;
+            println!("{}", out.display());
+            Ok(())
+        }
+        What::Random { seed, family, min_radius, length, out } => {
+            let Some(mut difficulty) = random::difficulty(&family) else {
+                let known: Vec<&str> = random::FAMILIES.iter().map(|(name, _)| *name).collect();
+                bail!("--family {family}: expected one of {}", known.join(", "));
+            };
+            difficulty.min_radius_m = min_radius.unwrap_or(difficulty.min_radius_m);
+            if let Some(length) = length {
+                let [least, most] = length.as_slice() else { bail!("--length: expected two numbers such as 4,9") };
+                difficulty.length_m = [*least, *most];
+            }
+            let world = World::random(seed, &difficulty);
+            write_file(&out, world.to_toml().as_bytes())?;
+            println!("{}: {:.2} m", out.display(), world.path.length_m());
+            Ok(())
+        }
+        What::Print { world, out, paper } => {
+            let world = find_world(&world)?;
+            let _ = (world, paper);
+            println!("{}: print every page at 100 % and check the ruler", out.display());
+            Ok(())
+        }
+    }
+}
+
+fn list() {
+    println!("worlds");
+    for name in World::names() {
+        let description = World::named(name).map(|world| world.description).unwrap_or_default();
+        println!("  {name:22} {description}");
+    }
+    for (name, description) in random::FAMILIES {
+        println!("  {:22} {description}", format!("{name}:SEED"));
+    }
+    println!("\nvehicles");
+    for name in VehicleSpec::names() {
+        let description = VehicleSpec::named(name).map(|vehicle| vehicle.description).unwrap_or_default();
+        println!("  {name:22} {description}");
+    }
+    println!("\nfloors   {}", FLOOR_PRESETS.join(", "));
+    println!("lights   {}", LIGHT_PRESETS.join(", "));
+    println!("\ndrivers");
+    for (name, description) in senda_run::pilot::DRIVERS {
+        println!("  {name:22} {description}");
+    }
+}
+
+fn check(files: &[PathBuf], vehicle: Option<&str>) -> Result<()> {
+    let vehicle = vehicle.map(senda_run::scenario::find_vehicle).transpose()?;
+    let mut broken = 0;
+    for file in files {
+        match World::load(file) {
+            Ok((world, mut warnings)) => {
+                if let Some(vehicle) = &vehicle {
+                    warnings.extend(world.check_vehicle(vehicle));
+                }
+                let closed = if world.path.is_closed() { "closed" } else { "open" };
+                println!("{}: {:.2} m, {closed}, {} warnings", file.display(), world.path.length_m(), warnings.len());
+                for warning in warnings {
+                    eprintln!("warning: {warning}");
+                }
+            }
+            Err(error) => {
+                broken += 1;
+                crate::terminal::complain(&error.into());
+            }
+        }
+    }
+    if broken > 0 {
+        bail!("{broken} of {} worlds cannot be used", files.len());
+    }
+    Ok(())
+}
+
+fn extension(path: &Path) -> &str {
+    path.extension().and_then(|extension| extension.to_str()).unwrap_or_default()
+}

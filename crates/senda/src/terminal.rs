@@ -1,0 +1,75 @@
+//! Progress bars, Ctrl-C, error messages and the clock.
+
+use indicatif::{ProgressBar, ProgressStyle};
+use senda_run::Ears;
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+static PRESSES: AtomicU8 = AtomicU8::new(0);
+
+/// Ctrl-C ends the work in good order; a second one ends the program.
+pub(crate) fn listen_for_interrupts() {
+    let listening = ctrlc::set_handler(|| {
+        INTERRUPTED.store(true, Ordering::SeqCst);
+        if PRESSES.fetch_add(1, Ordering::SeqCst) > 0 {
+            std::process::exit(130);
+        }
+    });
+    if let Err(error) = listening {
+        eprintln!("warning: Ctrl-C will end senda at once: {error}");
+    }
+}
+
+/// Whether Ctrl-C was pressed.
+pub(crate) fn interrupted() -> bool {
+    INTERRUPTED.load(Ordering::SeqCst)
+}
+
+/// Nanoseconds of a monotonic clock.
+// The edge: figures about speed are made here and nowhere else.
+#[allow(clippy::disallowed_types)]
+pub(crate) fn clock_ns() -> u64 {
+    use std::{sync::OnceLock, time::Instant};
+    static BEGIN: OnceLock<Instant> = OnceLock::new();
+    let begin = BEGIN.get_or_init(Instant::now);
+    u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// Seconds since a reading of [`clock_ns`].
+pub(crate) fn seconds_since(begin_ns: u64) -> f64 {
+    clock_ns().saturating_sub(begin_ns) as f64 * 1e-9
+}
+
+/// Per mille of one piece of work, on standard error; hidden when standard error is not a terminal.
+pub(crate) fn bar(label: &str) -> ProgressBar {
+    let bar = ProgressBar::new(1000);
+    if let Ok(style) = ProgressStyle::with_template("{msg:32} {wide_bar} {percent:>3} % {eta:>4} left") {
+        bar.set_style(style);
+    }
+    bar.set_message(label.to_owned());
+    bar
+}
+
+/// Ears that move a bar, hear Ctrl-C and read the clock.
+pub(crate) fn ears(bar: &ProgressBar) -> Ears<'_> {
+    Ears {
+        progress: Box::new(|part| bar.set_position((part * 1000.0) as u64)),
+        interrupted: Box::new(interrupted),
+        clock_ns: Box::new(clock_ns),
+    }
+}
+
+/// Prints an error and its causes, with the source snippet where there is one.
+pub(crate) fn complain(error: &anyhow::Error) {
+    eprint!("error: {error}");
+    let mut last = error.to_string();
+    for cause in error.chain().skip(1) {
+        let text = cause.to_string();
+        // Wrapping errors repeat their cause's words.
+        if !last.contains(&text) {
+            eprint!(": {text}");
+        }
+        last = text;
+    }
+    eprintln!();
+}

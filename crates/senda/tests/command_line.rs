@@ -1,0 +1,172 @@
+//! The real binary, as a user types it.
+
+use assert_cmd::Command;
+use predicates::prelude::*;
+use std::path::Path;
+
+fn senda(arguments: &[&str]) -> assert_cmd::assert::Assert {
+    Command::cargo_bin("senda").unwrap().args(arguments).assert()
+}
+
+fn json(arguments: &[&str]) -> serde_json::Value {
+    let output = senda(arguments).success();
+    serde_json::from_slice(&output.get_output().stdout).unwrap()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+const SHORT: [&str; 8] = ["--world", "straight", "--vehicle", "gopigo", "--driver", "line", "--time-limit", "3"];
+
+#[test]
+fn without_arguments_it_greets_and_names_three_commands() {
+    senda(&[]).success().stdout(
+        predicate::str::contains("senda tour")
+            .and(predicate::str::contains("senda drive"))
+            .and(predicate::str::contains("senda replay")),
+    );
+}
+
+#[test]
+fn the_summary_has_every_promised_field() {
+    let summary = json(&[&["drive", "--json"], &SHORT[..]].concat());
+    for field in [
+        "completed", "laps", "departures", "lost", "lane_error_mean_m", "lane_error_max_m", "heading_error_mean_rad",
+        "heading_error_max_rad", "lap_time_s", "distance_m", "frames", "digest", "wall_s",
+    ] {
+        assert!(summary.get(field).is_some(), "{field} is missing");
+    }
+    assert!(summary["frames"].as_u64().unwrap() > 20);
+}
+
+#[test]
+fn the_same_run_gives_the_same_bytes_and_its_replay_the_same_commands() {
+    let folder = tempfile::tempdir().unwrap();
+    let record = |name: &str| -> Vec<u8> {
+        let path = folder.path().join(name);
+        senda(&[&["drive", "--seed", "5", "--record", text(&path)], &SHORT[..]].concat()).success();
+        std::fs::read(path.join("straight-gopigo-line-5.mcap")).unwrap()
+    };
+    assert!(record("a") == record("b"), "two recordings of the same run differ");
+    let recording = folder.path().join("a/straight-gopigo-line-5.mcap");
+    let replay = json(&["replay", text(&recording), "--json"]);
+    assert_eq!(replay["different_commands"], 0);
+    assert!(replay["steps"].as_u64().unwrap() > 20);
+    let other = json(&[&["drive", "--json", "--seed", "6"], &SHORT[..]].concat());
+    let same = json(&[&["drive", "--json", "--seed", "5"], &SHORT[..]].concat());
+    assert_ne!(other["digest"], same["digest"]);
+}
+
+#[test]
+fn a_recording_cut_short_is_read_up_to_the_break() {
+    let folder = tempfile::tempdir().unwrap();
+    senda(&[&["drive", "--record", text(folder.path())], &SHORT[..]].concat()).success();
+    let path = folder.path().join("straight-gopigo-line-1.mcap");
+    let whole = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &whole[..whole.len() * 6 / 10]).unwrap();
+    let info = senda(&["data", "info", text(&path)]).success();
+    let output = String::from_utf8_lossy(&info.get_output().stdout).into_owned()
+        + &String::from_utf8_lossy(&info.get_output().stderr);
+    assert!(output.contains("cut") || output.contains("break") || output.contains("ends"), "{output}");
+    senda(&["replay", text(&path)]).success();
+}
+
+#[test]
+fn mistakes_are_answered_with_what_to_do() {
+    senda(&["drive", "--world", "ovall"]).failure().stderr(predicate::str::contains("oval"));
+    senda(&["drive", "--driver", "lime"]).failure().stderr(predicate::str::contains("line, lane, expert"));
+    senda(&["drive", "--option", "no_such_option=1"]).failure().stderr(predicate::str::contains("no_such_option"));
+    senda(&["drive", "--laps", "0"]).failure().stderr(predicate::str::contains("laps"));
+    senda(&["drive", "--world", "missing.toml"]).failure().stderr(predicate::str::contains("missing.toml"));
+    senda(&["replay", "missing.mcap"]).failure().stderr(predicate::str::contains("missing.mcap"));
+}
+
+#[test]
+fn a_broken_world_names_the_line_and_the_nearest_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mine.toml");
+    for (content, expected) in [
+        ("", "path"),
+        ("name = \"x\"\n[path\n", "2"),
+        ("name = \"x\"\n[flor]\nkind = \"plain\"\n", "floor"),
+    ] {
+        std::fs::write(&path, content).unwrap();
+        senda(&["world", "check", text(&path)])
+            .failure()
+            .stderr(predicate::str::contains("mine.toml").and(predicate::str::contains(expected)));
+    }
+}
+
+#[test]
+fn reports_are_one_file_with_everything_inside() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.html");
+    senda(&[&["drive", "--report", text(&path)], &SHORT[..]].concat()).success();
+    let page = std::fs::read_to_string(path).unwrap();
+    assert!(page.starts_with("<!doctype html>") || page.starts_with("<!DOCTYPE html>"));
+    assert!(page.contains("data:image/jpeg;base64") || page.contains("/9j/"), "no pictures inside");
+    for foreign in ["src=\"http", "href=\"http", "@import"] {
+        assert!(!page.contains(foreign), "the page refers to {foreign}");
+    }
+}
+
+#[test]
+fn a_sweep_gives_rates_with_intervals_and_goes_on_where_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let results = folder.path().join("results.jsonl");
+    let arguments = [
+        &["sweep", "--json", "--worlds", "straight,oval", "--seeds", "2", "--results", text(&results)],
+        &["--vehicle", "gopigo", "--driver", "line", "--time-limit", "1"][..],
+    ]
+    .concat();
+    let first = json(&arguments);
+    assert_eq!(first["runs"], 4);
+    let lines = std::fs::read_to_string(&results).unwrap().lines().count();
+    assert_eq!(lines, 4);
+    json(&arguments);
+    assert_eq!(std::fs::read_to_string(&results).unwrap().lines().count(), 4);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_recording_stays_readable() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = assert_cmd::cargo::cargo_bin("senda");
+    let mut child = std::process::Command::new(program)
+        .args(["drive", "--world", "oval", "--driver", "line", "--laps", "1000", "--record", text(folder.path())])
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let path = folder.path().join("oval-gopigo-line-1.mcap");
+    // Wait until something was written, then interrupt as Ctrl-C does.
+    while std::fs::metadata(&path).map_or(0, |file| file.len()) < 200_000 {
+        assert!(child.try_wait().unwrap().is_none(), "the run ended by itself");
+        std::thread::yield_now();
+    }
+    let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    assert!(child.wait().unwrap().success());
+    senda(&["replay", text(&path)]).success();
+}
+
+#[test]
+fn worlds_are_drawn_made_and_printed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    senda(&["world", "draw", "oval", "--out", text(&at("oval.svg"))]).success();
+    senda(&["world", "draw", "oval", "--out", text(&at("oval.png"))]).success();
+    senda(&["world", "random", "--seed", "3", "--out", text(&at("made.toml"))]).success();
+    senda(&["world", "check", text(&at("made.toml"))]).success();
+    senda(&["world", "print", "oval", "--out", text(&at("oval.pdf"))]).success();
+    assert!(std::fs::read(at("oval.pdf")).unwrap().starts_with(b"%PDF"));
+    assert!(std::fs::read(at("oval.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn the_study_shows_where_the_controller_becomes_unstable() {
+    senda(&["study", "follow", "--kp", "1.1,4", "--duration", "60"])
+        .success()
+        .stdout(predicate::str::contains("converges").and(predicate::str::contains("unstable")));
+}

@@ -1,0 +1,177 @@
+//! One run in the simulator: the loop, the referee, the recording and the summary.
+
+use crate::{Ears, Guard, Pilot, RunError, Scenario, log::Log, referee::Referee, scenario::believed_body};
+use senda_core::{Command, Explanation, Observation, Truth, Vehicle};
+use senda_data::{Recording, RecordingHeader, RecordingWriter};
+use senda_eval::Summary;
+use senda_sim::{SimOptions, Simulator, Start};
+use senda_world::World;
+use serde::{Deserialize, Serialize};
+use std::io::{Cursor, Seek, Write};
+
+/// Why a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ending {
+    /// All laps done.
+    Finished,
+    /// So far from the path that the run makes no sense any more.
+    Strayed,
+    /// The driver stopped the vehicle and left it standing.
+    Stopped,
+    /// The time limit passed.
+    TimeOut,
+    /// The driver said that its work is done.
+    Done,
+    /// Somebody interrupted.
+    Interrupted,
+    /// The recording or data ended.
+    EndOfData,
+}
+
+impl Ending {
+    /// In words, for people.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Finished => "goal reached",
+            Self::Strayed => "strayed too far from the path",
+            Self::Stopped => "the driver stopped",
+            Self::TimeOut => "time over",
+            Self::Done => "the driver has done its work",
+            Self::Interrupted => "interrupted",
+            Self::EndOfData => "end of the data",
+        }
+    }
+}
+
+/// What came out of a run.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// The figures.
+    pub summary: Summary,
+    /// Why it ended.
+    pub ending: Ending,
+    /// Time that the driver took for each frame (ns, by [`Ears::clock_ns`]).
+    pub frame_times_ns: Vec<u64>,
+}
+
+/// Drives a scenario, writing a recording to `sink` if there is one.
+pub fn run<W: Write + Seek>(scenario: &Scenario, sink: Option<W>, ears: &mut Ears) -> Result<(Outcome, Option<W>), RunError> {
+    scenario.check()?;
+    let world = scenario.resolve_world()?;
+    let spec = scenario.resolve_vehicle()?;
+    let start = Start {
+        station_m: Some(world.path.normalise_station(world.start_station_m + scenario.start.station_m)),
+        offset_m: scenario.start.offset_m,
+        heading_rad: scenario.start.heading_rad,
+    };
+    let options = SimOptions { seed: scenario.seed, start, ..SimOptions::default() };
+    let mut simulator = Simulator::new(world.clone(), &spec, options)?;
+    let body = believed_body(simulator.body(), scenario.calibration.as_deref())?;
+    let mut pilot =
+        Pilot::named(&scenario.driver, &body, Some(&world.path), scenario.speed_mps, &scenario.driver_options)?;
+    let mut recorder = match sink {
+        Some(sink) => Some(RecordingWriter::new(sink, &header(scenario, &world, &body))?),
+        None => None,
+    };
+    let mut referee = Referee::new(scenario, &world);
+    let mut log = Log::new(&body);
+    let ending = steps(&mut simulator, &mut pilot, &mut recorder, &mut referee, &mut log, ears)?;
+
+    let (summary, frame_times_ns) = log.summarise(scenario, &world, ending);
+    let sink = match recorder {
+        Some(recorder) => Some(recorder.finish(&repeatable(&summary))?),
+        None => None,
+    };
+    Ok((Outcome { summary, ending, frame_times_ns }, sink))
+}
+
+/// Drives a scenario without keeping its pictures.
+pub fn in_memory(scenario: &Scenario, ears: &mut Ears) -> Result<Outcome, RunError> {
+    Ok(run::<Cursor<Vec<u8>>>(scenario, None, ears)?.0)
+}
+
+/// Drives a scenario and keeps its recording in memory, for a report.
+pub fn recorded(scenario: &Scenario, ears: &mut Ears) -> Result<(Outcome, Recording), RunError> {
+    let (outcome, sink) = run(scenario, Some(Cursor::new(Vec::new())), ears)?;
+    let bytes = sink.map(Cursor::into_inner).unwrap_or_default();
+    Ok((outcome, Recording::from_bytes(&bytes)?))
+}
+
+/// Says when a run is over.
+pub(crate) trait Judge {
+    /// The part of the way that is done, 0..=1.
+    fn progress(&self) -> f64;
+    /// Whether the run is over after this step.
+    fn judge(&mut self, truth: Option<&Truth>, command: &Command, pilot: &Pilot) -> Option<Ending>;
+}
+
+/// For recordings: over when the data are.
+pub(crate) struct Unjudged {
+    pub(crate) total: f64,
+    pub(crate) done: f64,
+}
+
+impl Judge for Unjudged {
+    fn progress(&self) -> f64 {
+        self.done / self.total
+    }
+
+    fn judge(&mut self, _truth: Option<&Truth>, _command: &Command, _pilot: &Pilot) -> Option<Ending> {
+        self.done += 1.0;
+        None
+    }
+}
+
+/// The loop. It never grows a special case: vehicles, drivers and the referee hide theirs.
+pub(crate) fn steps<W: Write + Seek>(
+    vehicle: &mut dyn Vehicle,
+    pilot: &mut Pilot,
+    recorder: &mut Option<RecordingWriter<W>>,
+    referee: &mut dyn Judge,
+    log: &mut Log,
+    ears: &mut Ears,
+) -> Result<Ending, RunError> {
+    let mut guard = Guard::new(vehicle.body());
+    let mut observation = Observation::default();
+    let mut explanation = Explanation::default();
+    while vehicle.observe(&mut observation)? {
+        let began_ns = (ears.clock_ns)();
+        let command = guard.check(&observation, pilot.drive(&observation, vehicle.truth()));
+        log.step(&observation, vehicle.truth(), &command, (ears.clock_ns)().saturating_sub(began_ns));
+        explanation.clear();
+        pilot.explain(&mut explanation);
+        log.explained(&explanation);
+        if let Some(recorder) = recorder {
+            recorder.step(&observation, &command, vehicle.truth(), &explanation)?;
+        }
+        vehicle.actuate(&command)?;
+        (ears.progress)(referee.progress());
+        if let Some(ending) = referee.judge(vehicle.truth(), &command, pilot) {
+            return Ok(ending);
+        }
+        if (ears.interrupted)() {
+            return Ok(Ending::Interrupted);
+        }
+    }
+    Ok(Ending::EndOfData)
+}
+
+/// The summary as it goes into a recording: without wall times, which no second run repeats.
+fn repeatable(summary: &Summary) -> serde_json::Value {
+    let summary = Summary { frame_time_mean_s: None, frame_time_p95_s: None, wall_s: 0.0, ..summary.clone() };
+    serde_json::to_value(summary).unwrap_or_default()
+}
+
+fn header(scenario: &Scenario, world: &World, body: &senda_core::Body) -> RecordingHeader {
+    RecordingHeader {
+        senda: env!("CARGO_PKG_VERSION").to_owned(),
+        commit: option_env!("SENDA_COMMIT").unwrap_or("unknown").to_owned(),
+        scenario: scenario.to_toml(),
+        world: Some(world.to_toml()),
+        reversed: scenario.reverse,
+        body: body.clone(),
+        driver: scenario.driver.clone(),
+        seed: scenario.seed,
+    }
+}

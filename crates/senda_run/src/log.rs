@@ -1,0 +1,76 @@
+//! What a run is judged by: everything but the pictures.
+
+use crate::{Scenario, drive::Ending, referee, trajectory::TrajectoryDigest};
+use senda_core::{Body, Command, Explanation, Observation, Truth};
+use senda_eval::metrics::{self, Motion};
+use senda_eval::Summary;
+use senda_world::World;
+
+/// One row a step.
+pub(crate) struct Log {
+    body: Body,
+    truths: Vec<Truth>,
+    motions: Vec<Motion>,
+    /// Only what losses are counted from: the signal `found` and the events.
+    accounts: Vec<Explanation>,
+    digest: TrajectoryDigest,
+    pub(crate) frame_times_ns: Vec<u64>,
+}
+
+impl Log {
+    pub(crate) fn new(body: &Body) -> Self {
+        Self {
+            body: body.clone(),
+            truths: Vec::new(),
+            motions: Vec::new(),
+            accounts: Vec::new(),
+            digest: TrajectoryDigest::default(),
+            frame_times_ns: Vec::new(),
+        }
+    }
+
+    pub(crate) fn step(&mut self, seen: &Observation, truth: Option<&Truth>, command: &Command, frame_time_ns: u64) {
+        let speed_asked_mps = self.body.speed_of(command);
+        let yaw_rate_asked = self.body.yaw_rate_of(command.turn, speed_asked_mps);
+        self.motions.push(Motion {
+            time_s: seen.stamp.as_s(),
+            yaw_rate_command_radps: yaw_rate_asked,
+            speed_mps: truth.map(|truth| truth.speed_mps).or(seen.speed_mps).unwrap_or(speed_asked_mps),
+            yaw_rate_radps: truth.map_or(yaw_rate_asked, |truth| truth.yaw_rate_radps),
+        });
+        self.truths.extend(truth);
+        self.digest.step(seen.stamp, truth, command);
+        self.frame_times_ns.push(frame_time_ns);
+    }
+
+    pub(crate) fn explained(&mut self, explanation: &Explanation) {
+        let found = explanation.signals.iter().filter(|signal| signal.name == "found").cloned().collect();
+        self.accounts.push(Explanation { signals: found, shapes: Vec::new(), events: explanation.events.clone() });
+    }
+
+    /// The figures of the run. Ends the log.
+    pub(crate) fn summarise(self, scenario: &Scenario, world: &World, ending: Ending) -> (Summary, Vec<u64>) {
+        let course = referee::course(scenario, world);
+        let measured = metrics::measure(&course, &self.truths);
+        let losses = metrics::losses(&self.accounts);
+        let smoothness = metrics::smoothness(&self.motions);
+        let times_s: Vec<f64> = self.frame_times_ns.iter().map(|ns| *ns as f64 * 1e-9).collect();
+        let summary = Summary {
+            world: scenario.world.clone(),
+            vehicle: scenario.vehicle.clone(),
+            driver: scenario.driver.clone(),
+            light: scenario.light.clone().unwrap_or_else(|| "as in the world".into()),
+            floor: scenario.floor.clone().unwrap_or_else(|| "as in the world".into()),
+            reversed: scenario.reverse,
+            seed: scenario.seed,
+            speed_mps: scenario.speed_mps,
+            laps_wanted: course.laps,
+            ended: ending.words().to_owned(),
+            digest: self.digest.finish(),
+            ..Summary::from_figures(&measured, &losses, &smoothness)
+        };
+        // Without a clock there is nothing to say about time.
+        let timed = times_s.iter().any(|time| *time > 0.0);
+        (if timed { summary.with_frame_times(&times_s) } else { summary }, self.frame_times_ns)
+    }
+}

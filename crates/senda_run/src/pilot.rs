@@ -1,0 +1,91 @@
+//! Which driver sits at the wheel.
+
+use crate::RunError;
+use senda_core::{Body, Command, Driver, Explanation, Observation, PrivilegedDriver, Truth};
+use senda_drivers::{ExpertDriver, ExpertOptions, LaneDriver, LaneOptions, LineDriver, LineOptions};
+use senda_geom::Curve;
+use serde::de::DeserializeOwned;
+
+/// A driver, or the one kind of driver that is told the truth.
+pub enum Pilot {
+    /// Sees observations only.
+    Driver(Box<dyn Driver>),
+    /// Sees the true state as well.
+    Privileged(Box<dyn PrivilegedDriver>),
+}
+
+/// Names of all drivers, with what each does.
+pub const DRIVERS: [(&str, &str); 3] = [
+    ("line", "follows one line by camera (document C)"),
+    ("lane", "stays between two lines by camera (document C)"),
+    ("expert", "is told the true state: for measuring and labelling only"),
+];
+
+impl Pilot {
+    /// A driver by name. `path` is what the expert follows; the others never see it. `speed_mps` overrides the
+    /// driver's own cruising speed, `options` its defaults.
+    pub fn named(
+        name: &str,
+        body: &Body,
+        path: Option<&Curve>,
+        speed_mps: Option<f64>,
+        options: &toml::Table,
+    ) -> Result<Self, RunError> {
+        Ok(match name {
+            "line" => {
+                let mut options: LineOptions = parse_options(name, options)?;
+                options.set_speed(speed_mps);
+                Self::Driver(Box::new(LineDriver::new(body, options)?))
+            }
+            "lane" => {
+                let mut options: LaneOptions = parse_options(name, options)?;
+                options.set_speed(speed_mps);
+                Self::Driver(Box::new(LaneDriver::new(body, options)?))
+            }
+            "expert" => {
+                let mut options: ExpertOptions = parse_options(name, options)?;
+                options.set_speed(speed_mps);
+                let path = path.ok_or_else(|| RunError::NoTruth { driver: name.to_owned() })?;
+                Self::Privileged(Box::new(ExpertDriver::new(body, path.clone(), options)?))
+            }
+            other => {
+                return Err(RunError::UnknownDriver {
+                    found: other.to_owned(),
+                    known: DRIVERS.map(|(name, _)| name).join(", "),
+                });
+            }
+        })
+    }
+
+    /// The command for this observation. A privileged driver without a true state stops.
+    pub fn drive(&mut self, observation: &Observation, truth: Option<&Truth>) -> Command {
+        match (self, truth) {
+            (Self::Driver(driver), _) => driver.drive(observation),
+            (Self::Privileged(driver), Some(truth)) => driver.drive_knowing(observation, truth),
+            (Self::Privileged(_), None) => Command::STOP,
+        }
+    }
+
+    /// As [`Driver::explain`].
+    pub fn explain(&self, explanation: &mut Explanation) {
+        match self {
+            Self::Driver(driver) => driver.explain(explanation),
+            Self::Privileged(driver) => driver.explain(explanation),
+        }
+    }
+
+    /// As [`Driver::is_done`].
+    pub fn is_done(&self) -> bool {
+        match self {
+            Self::Driver(driver) => driver.is_done(),
+            Self::Privileged(_) => false,
+        }
+    }
+}
+
+fn parse_options<T: DeserializeOwned>(driver: &str, options: &toml::Table) -> Result<T, RunError> {
+    options.clone().try_into().map_err(|error: toml::de::Error| RunError::DriverOptions {
+        driver: driver.to_owned(),
+        reason: error.message().to_owned(),
+    })
+}

@@ -1,0 +1,70 @@
+//! Random worlds by name: `random-line:17` is the same world everywhere and always.
+
+use crate::RunError;
+use senda_world::{Difficulty, Kind, World};
+
+/// The families of random worlds, with what each is for.
+pub const FAMILIES: [(&str, &str); 3] = [
+    ("random-line", "one line for the GoPiGo (document C): floors, lights, colours and curves at random"),
+    ("random-lane", "a lane of two lines for the GoPiGo (document C)"),
+    ("random-circuit", "a lane of two tapes for the kit car (document A)"),
+];
+
+/// The world of a name such as `random-line:17`; `None` for other names.
+pub fn world(name: &str) -> Result<Option<World>, RunError> {
+    let Some((family, seed)) = name.split_once(':') else { return Ok(None) };
+    let Some(difficulty) = difficulty(family) else { return Ok(None) };
+    let seed = parse_seed(name, seed)?;
+    Ok(Some(World::random(seed, &difficulty)))
+}
+
+/// The difficulty of a family.
+pub fn difficulty(family: &str) -> Option<Difficulty> {
+    Some(match family {
+        "random-line" => Difficulty::default(),
+        // Narrow enough for a camera 54° wide to see both lines: twice C8's half vehicle's width and a little more.
+        "random-lane" => Difficulty { kind: Kind::Lane, lane_width_m: [0.13, 0.18], ..Difficulty::default() },
+        "random-circuit" => Difficulty::lane(),
+        _ => return None,
+    })
+}
+
+/// Replaces every range such as `random-line:100..200` (end excluded) by its names.
+pub fn expand(names: &[String]) -> Result<Vec<String>, RunError> {
+    let mut all = Vec::new();
+    for name in names {
+        let range = name.split_once(':').and_then(|(family, seeds)| Some((family, seeds.split_once("..")?)));
+        let Some((family, (first, end))) = range else {
+            all.push(name.clone());
+            continue;
+        };
+        let (first, end) = (parse_seed(name, first)?, parse_seed(name, end)?);
+        if first >= end || end - first > 1_000_000 {
+            return Err(wrong(name));
+        }
+        all.extend((first..end).map(|seed| format!("{family}:{seed}")));
+    }
+    Ok(all)
+}
+
+fn parse_seed(name: &str, text: &str) -> Result<u64, RunError> {
+    text.parse().map_err(|_| wrong(name))
+}
+
+fn wrong(name: &str) -> RunError {
+    RunError::Scenario { key: "world", found: name.to_owned(), expected: "like `random-line:17` or, in a sweep, `random-line:100..200`" }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_expand_and_nonsense_is_refused() {
+        let names = expand(&["oval".into(), "random-line:3..5".into()]).unwrap();
+        assert_eq!(names, ["oval", "random-line:3", "random-line:4"]);
+        assert!(expand(&["random-line:5..3".into()]).is_err());
+        assert!(world("random-line:x").is_err());
+        assert!(world("oval").unwrap().is_none());
+    }
+}

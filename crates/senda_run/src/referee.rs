@@ -1,0 +1,103 @@
+//! Decides when a run is over.
+
+use crate::{
+    Pilot, Scenario,
+    drive::{Ending, Judge},
+};
+use senda_core::{Command, Truth};
+use senda_eval::Course;
+use senda_geom::{Curve, Tracker};
+use senda_world::World;
+
+/// On an open path the way ends this far before the path does: there the camera sees past its end (m). C2: the
+/// GoPiGo's camera sees 50 cm ahead.
+pub const OPEN_END_M: f64 = 0.6;
+/// A vehicle slower than this stands (m/s).
+const STANDING_MPS: f64 = 0.002;
+/// Standing for this long ends the run (s): longer than any start-up delay, shorter than a spectator's patience.
+const STANDING_S: f64 = 3.0;
+
+/// Watches the true state and says when a run is over. Without a true state it only watches the driver.
+pub struct Referee {
+    path: Curve,
+    tracker: Tracker,
+    goal_m: f64,
+    stray_limit_m: f64,
+    time_limit_s: f64,
+    standing_since_s: Option<f64>,
+    lap_m: f64,
+}
+
+impl Referee {
+    /// For a scenario in its world.
+    pub fn new(scenario: &Scenario, world: &World) -> Self {
+        let station_m = world.start_station_m + scenario.start.station_m;
+        let way_m = way_m(&world.path, world.path.normalise_station(station_m));
+        let goal_m = way_m * if world.path.is_closed() { f64::from(scenario.laps) } else { 1.0 };
+        // The slowest speed that a run without a stated speed is expected to have (m/s): half of C16's slowest.
+        let speed_mps = scenario.speed_mps.unwrap_or(0.035);
+        Self {
+            path: world.path.clone(),
+            tracker: Tracker::new(world.path.normalise_station(station_m)),
+            goal_m,
+            // Three times as far as the lane is wide: no driver of ours finds back from there.
+            stray_limit_m: 3.0 * world.corridor_half_width_m + scenario.start.offset_m.abs(),
+            time_limit_s: scenario.time_limit_s.unwrap_or(4.0 * goal_m / speed_mps + 20.0),
+            standing_since_s: None,
+            lap_m: way_m,
+        }
+    }
+
+    /// What a scenario asks to be driven, as the metrics see it.
+pub fn course<'a>(scenario: &Scenario, world: &'a World) -> Course<'a> {
+    Course { open_end_m: OPEN_END_M, ..Course::of(world, Some(f64::from(scenario.laps))) }
+}
+
+/// The length of one lap, or of the way on an open path (m).
+    pub fn lap_m(&self) -> f64 {
+        self.lap_m
+    }
+}
+
+impl Judge for Referee {
+    fn progress(&self) -> f64 {
+        (self.tracker.travelled_m() / self.goal_m).clamp(0.0, 1.0)
+    }
+
+    fn judge(&mut self, truth: Option<&Truth>, command: &Command, pilot: &Pilot) -> Option<Ending> {
+        if pilot.is_done() {
+            return Some(Ending::Done);
+        }
+        let truth = truth?;
+        let now_s = truth.stamp.as_s();
+        let place = self.tracker.advance(&self.path, truth.world_from_vehicle.position());
+        if self.tracker.travelled_m() >= self.goal_m {
+            return Some(Ending::Finished);
+        }
+        if place.offset_m.abs() > self.stray_limit_m {
+            return Some(Ending::Strayed);
+        }
+        let standing = truth.speed_mps.abs() < STANDING_MPS && matches!(command.drive, senda_core::Drive::SpeedMps(v) if v.abs() < STANDING_MPS);
+        let since_s = self.standing_since_s.get_or_insert(now_s);
+        if !standing {
+            *since_s = now_s;
+        } else if now_s - *since_s > STANDING_S {
+            return Some(Ending::Stopped);
+        }
+        (now_s > self.time_limit_s).then_some(Ending::TimeOut)
+    }
+}
+
+/// What a scenario asks to be driven, as the metrics see it.
+pub fn course<'a>(scenario: &Scenario, world: &'a World) -> Course<'a> {
+    Course { open_end_m: OPEN_END_M, ..Course::of(world, Some(f64::from(scenario.laps))) }
+}
+
+/// The length of one lap, or what is left of an open path up to where the camera sees its end (m).
+pub fn way_m(path: &Curve, from_station_m: f64) -> f64 {
+    if path.is_closed() {
+        path.length_m()
+    } else {
+        (path.length_m() - OPEN_END_M - from_station_m).max(0.1)
+    }
+}

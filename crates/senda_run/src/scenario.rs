@@ -1,0 +1,217 @@
+//! What to run: one TOML file or the flags of the command line, resolved to plain data.
+
+use crate::RunError;
+use senda_core::Body;
+use senda_geom::Camera;
+use senda_vision::calibration::Calibration;
+use senda_world::{VehicleSpec, World};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// One run. Every field has a flag of `senda drive` and a key in scenario files; the resolved copy is saved with the run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// Ready world (`oval`), world file (`my.toml`) or random one (`random-line:17`).
+    pub world: String,
+    /// Ready vehicle (`gopigo`) or vehicle file.
+    pub vehicle: String,
+    /// `line`, `lane` or `expert`.
+    pub driver: String,
+    /// Laps to drive; on an open world, the way to its end counts as one. At least 1.
+    #[serde(default = "one")]
+    pub laps: u32,
+    /// Seed of every random number in the run.
+    #[serde(default = "one_u64")]
+    pub seed: u64,
+    /// Light that replaces the world's own: `daylight`, `lamp`, …
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light: Option<String>,
+    /// Floor that replaces the world's own: `plain`, `speckled`, `glossy`, …
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub floor: Option<String>,
+    /// Cruising speed (m/s) that replaces the driver's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_mps: Option<f64>,
+    /// Drive the other way round.
+    #[serde(default)]
+    pub reverse: bool,
+    /// Image width and height (px) that replace the vehicle's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image_px: Option<[u32; 2]>,
+    /// Where the run begins, relative to the world's start.
+    #[serde(default)]
+    pub start: StartOffset,
+    /// The run ends after this time (s); without it, after four times the time that the way takes plus 20 s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_limit_s: Option<f64>,
+    /// Calibration file: the driver believes its camera instead of the vehicle file's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<String>,
+    /// Options of the driver, as its documentation names them.
+    #[serde(default, skip_serializing_if = "toml::Table::is_empty")]
+    pub driver_options: toml::Table,
+}
+
+/// Where the vehicle stands at the beginning, relative to the path at the world's start.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StartOffset {
+    /// Further along the path (m).
+    #[serde(default)]
+    pub station_m: f64,
+    /// To the left of the path (m).
+    #[serde(default)]
+    pub offset_m: f64,
+    /// Turned to the left of the path's direction (rad).
+    #[serde(default)]
+    pub heading_rad: f64,
+}
+
+fn one() -> u32 {
+    1
+}
+
+fn one_u64() -> u64 {
+    1
+}
+
+impl Scenario {
+    /// One lap with everything else as the files say.
+    pub fn new(world: &str, vehicle: &str, driver: &str) -> Self {
+        Self {
+            world: world.to_owned(),
+            vehicle: vehicle.to_owned(),
+            driver: driver.to_owned(),
+            laps: 1,
+            seed: 1,
+            light: None,
+            floor: None,
+            speed_mps: None,
+            reverse: false,
+            image_px: None,
+            start: StartOffset::default(),
+            time_limit_s: None,
+            calibration: None,
+            driver_options: toml::Table::new(),
+        }
+    }
+
+    /// Reads a scenario file. Errors name the line.
+    pub fn load(path: &Path) -> Result<Self, RunError> {
+        let text = std::fs::read_to_string(path).map_err(|source| RunError::io(path, source))?;
+        toml::from_str(&text)
+            .map_err(|error| RunError::File { path: path.to_owned(), reason: error.to_string().trim_end().to_owned() })
+    }
+
+    /// As TOML, all keys written.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).unwrap_or_default()
+    }
+
+    /// Checks ranges that need no other file.
+    pub fn check(&self) -> Result<(), RunError> {
+        let wrong = |key, found: String, expected| Err(RunError::Scenario { key, found, expected });
+        if self.laps == 0 {
+            return wrong("laps", "0".into(), "at least 1");
+        }
+        if let Some(speed) = self.speed_mps.filter(|speed| !(*speed > 0.0 && *speed <= 60.0)) {
+            return wrong("speed_mps", speed.to_string(), "above 0 and at most 60");
+        }
+        if let Some(limit) = self.time_limit_s.filter(|limit| !(*limit > 0.0 && limit.is_finite())) {
+            return wrong("time_limit_s", limit.to_string(), "above 0");
+        }
+        if let Some([width, height]) = self.image_px.filter(|size| size.iter().any(|side| !(8..=4096).contains(side))) {
+            return wrong("image_px", format!("[{width}, {height}]"), "two sizes from 8 to 4096");
+        }
+        let start = self.start;
+        if ![start.station_m, start.offset_m, start.heading_rad].iter().all(|number| number.is_finite()) {
+            return wrong("start", format!("{start:?}"), "finite numbers");
+        }
+        Ok(())
+    }
+
+    /// The world with light, floor and direction applied.
+    pub fn resolve_world(&self) -> Result<World, RunError> {
+        let mut world = find_world(&self.world)?;
+        if let Some(light) = &self.light {
+            world = world.with_light(light)?;
+        }
+        if let Some(floor) = &self.floor {
+            world = world.with_floor(floor)?;
+        }
+        Ok(if self.reverse { world.reversed() } else { world })
+    }
+
+    /// The vehicle with its image size applied.
+    pub fn resolve_vehicle(&self) -> Result<VehicleSpec, RunError> {
+        let vehicle = find_vehicle(&self.vehicle)?;
+        Ok(match self.image_px {
+            Some([width, height]) => vehicle.with_camera_size(width, height),
+            None => vehicle,
+        })
+    }
+}
+
+/// The vehicle as its driver knows it: with the camera of a calibration file, if there is one.
+pub fn believed_body(body: &Body, calibration: Option<&str>) -> Result<Body, RunError> {
+    let mut body = body.clone();
+    if let (Some(path), Some(camera)) = (calibration, body.cameras.first_mut()) {
+        let path = Path::new(path);
+        let text = std::fs::read_to_string(path).map_err(|source| RunError::io(path, source))?;
+        let wrong = |reason: String| RunError::File { path: path.to_owned(), reason };
+        let calibration = Calibration::parse(&path.display().to_string(), &text).map_err(|error| wrong(error.to_string()))?;
+        let found = calibration.camera.ok_or_else(|| {
+            wrong("it was made without the lens, so it holds no camera: calibrate again with the vehicle's lens".into())
+        })?;
+        *camera = Camera { name: camera.name.clone(), ..found.resized(camera.width_px, camera.height_px) };
+    }
+    Ok(body)
+}
+
+/// A world by file (`….toml`), seed (`random-line:17`) or name.
+pub fn find_world(name: &str) -> Result<World, RunError> {
+    if let Some(random) = crate::random::world(name)? {
+        return Ok(random);
+    }
+    if looks_like_file(name) {
+        return Ok(World::load(Path::new(name))?.0);
+    }
+    Ok(World::named(name)?)
+}
+
+/// A vehicle by file (`….toml`) or name.
+pub fn find_vehicle(name: &str) -> Result<VehicleSpec, RunError> {
+    if looks_like_file(name) {
+        return Ok(VehicleSpec::load(Path::new(name))?.0);
+    }
+    Ok(VehicleSpec::named(name)?)
+}
+
+fn looks_like_file(name: &str) -> bool {
+    name.ends_with(".toml") || name.contains(['/', '\\'])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_resolved_copy_reads_back() {
+        let mut scenario = Scenario::new("oval", "gopigo", "line");
+        scenario.speed_mps = Some(0.13);
+        scenario.start.offset_m = -0.215;
+        scenario.driver_options.insert("form".into(), "document".into());
+        let back: Scenario = toml::from_str(&scenario.to_toml()).unwrap();
+        assert_eq!(back, scenario);
+    }
+
+    #[test]
+    fn nonsense_is_refused_with_the_key() {
+        let mut scenario = Scenario::new("oval", "gopigo", "line");
+        scenario.speed_mps = Some(f64::NAN);
+        assert!(scenario.check().unwrap_err().to_string().contains("speed_mps"));
+        assert!(toml::from_str::<Scenario>("world = 'a'\nvehicle = 'b'\ndriver = 'c'\nlapps = 2").is_err());
+        assert!(Scenario { laps: 0, ..Scenario::new("a", "b", "c") }.check().is_err());
+    }
+}
