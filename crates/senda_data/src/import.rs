@@ -15,7 +15,7 @@ pub struct Imported {
     pub steps: usize,
     /// Its duration (s).
     pub duration_s: f64,
-    /// What was damaged, missing or guessed. The file does not keep these.
+    /// What was damaged, missing or guessed. The recording's summary keeps these.
     pub warnings: Vec<String>,
 }
 
@@ -64,11 +64,17 @@ pub fn import(from: &Path, body: &Body, to: &Path) -> Result<Vec<Imported>, Data
     recordings
         .into_iter()
         .zip(paths)
-        .map(|(recording, path)| save(recording, path))
+        .map(|(recording, path)| save(recording, path, format))
         .collect()
 }
 
-fn save(recording: Recording, path: PathBuf) -> Result<Imported, DataError> {
+fn save(mut recording: Recording, path: PathBuf, format: Format) -> Result<Imported, DataError> {
+    recording.summary = Some(serde_json::json!({
+        "imported": format.name(),
+        "steps": recording.steps.len(),
+        "duration_s": recording.duration_s(),
+        "warnings": recording.warnings,
+    }));
     recording.save(&path)?;
     Ok(Imported {
         path,

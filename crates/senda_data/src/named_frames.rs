@@ -1,7 +1,7 @@
 //! Folders of pictures with the steering in the file name (FORMATS 4; A3 in SPEC).
 //!
 //! `v<ddHHMM>-f<frame>-a<angle>.png` and `video01_<frame>_<angle>.png`; the angle is in servo degrees, 90 straight on,
-//! smaller is left. The functions below [`command_from_servo`] are the only place that knows.
+//! smaller is left. [`command_from_servo`] and [`servo_from_command`] are the only places that know.
 
 use crate::imported::{Set, Taken};
 use crate::store::{self, Store};

@@ -1,4 +1,20 @@
 //! Writing a recording while the run goes on.
+//!
+//! A recording is one MCAP file (<https://mcap.dev/spec>), not compressed, `senda_format` 1:
+//!
+//! | where | what |
+//! |---|---|
+//! | metadata `senda.header`, first in the file | `senda_format`, `senda`, `commit`, `scenario`, `world` (where there is one), `reversed`, `body` (JSON), `driver`, `seed` |
+//! | `/camera/<name>` | `foxglove.CompressedImage` (protobuf): the sensor's own bytes, or PNG of a frame that came raw |
+//! | `/observation` | JSON: stamp, speed, wheels, battery |
+//! | `/truth` | JSON: the true state, where it is known |
+//! | `/pose` | `foxglove.PoseInFrame` (protobuf) of the true state, for other programs; not read back |
+//! | `/explanation` | JSON: signals, shapes, events |
+//! | `/command` | JSON: what went to the vehicle; the last message of a step |
+//! | metadata `senda.summary`, last in the file | `json`: the run's figures, if it ended properly |
+//!
+//! A message's sequence is the number of its step, its log time the step's stamp, its publish time the moment of
+//! exposure (pictures) or of truth. Numbers that are not finite are `null`.
 
 use crate::messages::{
     self, COMMAND, CompressedImage, EXPLANATION, JsonChannel, OBSERVATION, PoseInFrame, Sensed, TRUTH,
