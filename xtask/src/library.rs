@@ -15,7 +15,7 @@ pub(crate) fn violations(texts: &BTreeMap<String, String>, files: &BTreeSet<Stri
         match folder {
             "worlds" | "vehicles" if !is_in_library(file, texts) => {
                 findings.push(format!(
-                    "{file} is not embedded: expected include_str!(\"…/{file}\") in senda_world"
+                    "{file} is not embedded: expected its name in the library of senda_world"
                 ));
             }
             "scenarios" if !is_mentioned(file, texts) => {
@@ -27,9 +27,17 @@ pub(crate) fn violations(texts: &BTreeMap<String, String>, files: &BTreeSet<Stri
     findings
 }
 
+/// Whether a source of `senda_world` quotes both the folder and the name, as its library's macro call does.
 fn is_in_library(file: &str, texts: &BTreeMap<String, String>) -> bool {
-    texts.iter().any(|(name, text)| {
-        name.starts_with("crates/senda_world/src/") && text.contains(&format!("/{file}\""))
+    let Some((folder, name)) = file.split_once('/') else {
+        return false;
+    };
+    let (folder, name) = (
+        format!("\"{folder}\""),
+        format!("\"{}\"", name.trim_end_matches(".toml")),
+    );
+    texts.iter().any(|(source, text)| {
+        source.starts_with("crates/senda_world/src/") && text.contains(&folder) && text.contains(&name)
     })
 }
 
@@ -44,7 +52,7 @@ mod tests {
     use super::*;
 
     fn check(file: &str) -> Vec<String> {
-        let source = "const OVAL: &str = include_str!(\"../../../worlds/oval.toml\");";
+        let source = "const WORLDS: &[(&str, &str)] = files!(\"worlds\": \"straight\", \"oval\");";
         let texts = BTreeMap::from([
             ("crates/senda_world/src/library.rs".to_owned(), source.to_owned()),
             (
@@ -58,6 +66,7 @@ mod tests {
     #[test]
     fn files_that_are_named_pass() {
         for file in [
+            "worlds/straight.toml",
             "worlds/oval.toml",
             "scenarios/first.toml",
             "worlds/README.md",

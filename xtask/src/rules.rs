@@ -65,7 +65,7 @@ pub(crate) const RESERVED: &[Reserved] = &[
     ),
     reserved(
         "rayon",
-        &["senda_run", "senda_nets"],
+        &["senda_run", "senda_nets", "senda"],
         "threads stay where a fixed order of results is tested",
     ),
     reserved(

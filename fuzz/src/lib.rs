@@ -1,0 +1,249 @@
+//! Hostile bytes for every reader of foreign bytes, and what must hold for whatever it accepts.
+//!
+//! Each target is a plain function: libFuzzer calls it with bytes of its making, and the tests below with seeds and
+//! simple damage to them, so that the targets are tried with any compiler.
+
+mod seeds;
+
+pub use seeds::seeds;
+
+use senda_core::{Body, Encoded, Image, Observation, Steering};
+use senda_data::{Recording, named_frames, tub, udacity as udacity_format};
+use senda_vision::calibration::Calibration;
+use senda_world::{VehicleSpec, World};
+use std::io::Cursor;
+use std::path::Path;
+
+/// Every target by name.
+pub const TARGETS: &[(&str, fn(&[u8]))] = &[
+    ("world", world),
+    ("vehicle", vehicle),
+    ("calibration", calibration),
+    ("tub", tub),
+    ("udacity", udacity),
+    ("archive", archive),
+    ("recording", recording),
+    ("image", image),
+];
+
+/// World files. What is accepted is written so that it is read as the same world.
+pub fn world(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else {
+        return;
+    };
+    if let Ok((world, _)) = World::parse("world.toml", text) {
+        let written = world.to_toml();
+        match World::parse("written.toml", &written) {
+            Ok((again, _)) => assert_eq!(again, world, "{written}"),
+            Err(error) => panic!("what was written is refused: {error}\n{written}"),
+        }
+        let _ = world.reversed();
+    }
+}
+
+/// Vehicle files. As [`world`].
+pub fn vehicle(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else {
+        return;
+    };
+    if let Ok((vehicle, _)) = VehicleSpec::parse("vehicle.toml", text) {
+        let written = vehicle.to_toml();
+        match VehicleSpec::parse("written.toml", &written) {
+            Ok((again, _)) => assert_eq!(again, vehicle, "{written}"),
+            Err(error) => panic!("what was written is refused: {error}\n{written}"),
+        }
+        let _ = vehicle.body();
+    }
+}
+
+/// Calibration files. As [`world`].
+pub fn calibration(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else {
+        return;
+    };
+    if let Ok(calibration) = Calibration::parse("calibration.toml", text) {
+        let written = calibration.to_toml();
+        match Calibration::parse("written.toml", &written) {
+            Ok(again) => assert_eq!(again, calibration, "{written}"),
+            Err(error) => panic!("what was written is refused: {error}\n{written}"),
+        }
+        let _ = calibration.floor_map(64, 48);
+    }
+}
+
+/// Donkeycar tubs: the bytes up to the first zero byte are the manifest, the rest the catalog.
+pub fn tub(bytes: &[u8]) {
+    let split = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
+    let (manifest, catalog) = bytes.split_at(split);
+    let catalog = catalog.get(1..).unwrap_or_default();
+    for line in catalog.split(|byte| *byte == b'\n') {
+        let _ = tub::parse_line(line);
+    }
+    let files = [
+        ("images/0_cam_image_array_.jpg", seeds::small_jpeg()),
+        ("manifest.json", manifest),
+        ("catalog_0.catalog", catalog),
+    ];
+    let folder = folder_with(&files);
+    for recording in tub::read_runs(folder.path(), &body()).iter().flatten() {
+        look_through(recording);
+    }
+}
+
+/// Logs of the Udacity simulator, and names of pictures with the angle in them: each line is tried as both.
+pub fn udacity(bytes: &[u8]) {
+    for line in bytes.split(|byte| *byte == b'\n') {
+        let _ = udacity_format::parse_line(line);
+        if let Ok(name) = std::str::from_utf8(line) {
+            let _ = named_frames::parse_name(name);
+        }
+    }
+    let folder = folder_with(&[
+        ("IMG/center_0.jpg", seeds::small_jpeg()),
+        ("driving_log.csv", bytes),
+    ]);
+    for recording in udacity_format::read_runs(folder.path(), &body()).iter().flatten() {
+        look_through(recording);
+    }
+}
+
+/// Archives of data sets, whatever lies in them.
+pub fn archive(bytes: &[u8]) {
+    let folder = folder_with(&[("set.tar", bytes)]);
+    for recording in senda_data::open_runs(&folder.path().join("set.tar"), &body())
+        .iter()
+        .flatten()
+    {
+        look_through(recording);
+    }
+}
+
+fn folder_with(files: &[(&str, &[u8])]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    for (name, bytes) in files {
+        let path = folder.path().join(name);
+        let parent = path.parent().expect("it lies in the folder");
+        std::fs::create_dir_all(parent).expect("a temporary folder can be written to");
+        std::fs::write(path, bytes).expect("a temporary folder can be written to");
+    }
+    folder
+}
+
+/// Recordings. What is accepted can be looked through, and written so that its steps are read again.
+pub fn recording(bytes: &[u8]) {
+    if let Ok(recording) = Recording::from_bytes(bytes) {
+        look_through(&recording);
+        let written = recording.write(Cursor::new(Vec::new())).map(Cursor::into_inner);
+        let again =
+            Recording::from_bytes(&written.expect("memory takes a recording")).expect("our own bytes");
+        assert_eq!(again.steps.len(), recording.steps.len());
+        assert_eq!(again.header, recording.header);
+    }
+}
+
+/// JPEG and PNG. What is accepted survives a lossless round trip.
+pub fn image(bytes: &[u8]) {
+    if let Ok(encoded) = Encoded::recognise(bytes.to_vec())
+        && let Ok(image) = encoded.decode()
+        && !image.is_empty()
+    {
+        assert_eq!(
+            image.pixels().len(),
+            image.width() * image.height() * image.channels().count()
+        );
+        let mut again = Image::default();
+        senda_core::codec::encode_png(&image)
+            .and_then(|png| png.decode_into(&mut again))
+            .expect("a decoded image can be encoded");
+        assert_eq!(again, image);
+    }
+}
+
+/// What a report or a replay does with a recording.
+fn look_through(recording: &Recording) {
+    let mut observation = Observation::default();
+    for step in &recording.steps {
+        step.observation_into(&mut observation);
+    }
+    let _ = (recording.duration_s(), recording.truths());
+}
+
+fn body() -> Body {
+    Body {
+        name: "car".into(),
+        steering: Steering::Ackermann {
+            wheelbase_m: 0.17,
+            steering_limit_rad: 0.4,
+        },
+        width_m: 0.19,
+        length_m: 0.29,
+        speed_limit_mps: 2.0,
+        yaw_rate_limit_radps: 5.0,
+        period_s: 0.05,
+        cameras: Vec::new(),
+    }
+}
+
+/// The repository's root.
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .expect("fuzz/ lies in the repository")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Damage `number` to a seed: cut short, one byte changed, a part doubled, left out, or a digit grown.
+    fn damaged(seed: &[u8], number: u64) -> Vec<u8> {
+        // SplitMix64 (Steele et al. 2014): a few words of well-mixed bits without a dependency.
+        let mut state = number;
+        let mut draw = |below: usize| {
+            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let mut bits = state;
+            bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            ((bits ^ (bits >> 31)) % below.max(1) as u64) as usize
+        };
+        let mut bytes = seed.to_vec();
+        for _ in 0..=draw(3) {
+            let at = draw(bytes.len());
+            let end = (at + 1 + draw(24)).min(bytes.len());
+            match draw(6) {
+                0 => bytes.truncate(at),
+                1 if at < bytes.len() => bytes[at] ^= 1 << draw(8),
+                2 => bytes
+                    .splice(at..at, seed[..seed.len().min(end - at.min(end))].to_vec())
+                    .for_each(drop),
+                3 => drop(bytes.drain(at..end)),
+                4 => bytes.splice(at..at, *b"9999").for_each(drop),
+                _ => bytes.splice(at..at, *b"-").for_each(drop),
+            }
+        }
+        bytes
+    }
+
+    #[test]
+    fn every_target_takes_its_seeds() {
+        for (name, target) in TARGETS {
+            let seeds = seeds(name);
+            assert!(!seeds.is_empty(), "{name} has no seeds");
+            for (_, seed) in seeds {
+                target(&seed);
+            }
+            target(b"");
+        }
+    }
+
+    #[test]
+    fn every_target_takes_damaged_seeds() {
+        for (name, target) in TARGETS {
+            for (_, seed) in seeds(name) {
+                for number in 0..200 {
+                    target(&damaged(&seed, number));
+                }
+            }
+        }
+    }
+}
