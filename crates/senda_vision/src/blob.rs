@@ -1,7 +1,7 @@
 //! One connected component of the thresholded residue, described by its moments (C5 in SPEC).
 
-use crate::BlobLimits;
 use crate::components::Moments;
+use crate::{BlobLimits, WidthProfile};
 use senda_geom::{Vec2, trig};
 
 /// The middle of a blob in one row: where one run of its pixels lies.
@@ -118,6 +118,8 @@ pub enum Rejection {
     Orientation,
     /// Fills its box, is not slender and not large: a stain or a reflection.
     Compact,
+    /// Its width scatters too much for a painted line: a cluster of speckles.
+    Uneven,
 }
 
 /// How an image's size relates to the 320x240 that the limits are given for (C6 in SPEC).
@@ -143,6 +145,33 @@ impl Scale {
     /// The area (px²) that a blob must exceed.
     pub fn area_min(&self, limits: &BlobLimits) -> f64 {
         self.width * self.height * limits.area_part
+    }
+
+    /// Whether a blob's rows have the even width of a painted line; `profile` is for the image in use. Blobs with few
+    /// whole rows pass: they say too little.
+    pub fn check_widths(
+        &self,
+        blob: &LineBlob,
+        profile: &WidthProfile,
+        limits: &BlobLimits,
+    ) -> Result<(), Rejection> {
+        let (mut n, mut sum, mut squares) = (0.0, 0.0, 0.0);
+        for row in blob.rows.iter().filter(|row| !row.at_edge) {
+            let part = row.width_px / profile.at(row.v).max(1.0);
+            n += 1.0;
+            sum += part;
+            squares += part * part;
+        }
+        if n < 8.0 {
+            return Ok(());
+        }
+        let mean = sum / n;
+        let scatter = (squares / n - mean * mean).max(0.0).sqrt() / mean;
+        if scatter > limits.width_scatter * mean.max(1.0) {
+            Err(Rejection::Uneven)
+        } else {
+            Ok(())
+        }
     }
 
     /// Whether a blob passes all limits of C5 in SPEC; if not, the first one that it fails.

@@ -304,6 +304,20 @@ impl LineExtractor {
                 at_edge: start == 0 || end == self.width,
             });
         }
+        let mut index = 0;
+        while index < self.found {
+            match self
+                .scale
+                .check_widths(&self.blobs[index], &self.profile, &self.options.limits)
+            {
+                Ok(()) => index += 1,
+                Err(rejection) => {
+                    self.rejected.push(rejection);
+                    self.found -= 1;
+                    self.blobs.swap(index, self.found);
+                }
+            }
+        }
         let blobs = &mut self.blobs[..self.found];
         for blob in blobs.iter_mut() {
             blob.residue_mean /= blob.area_px * f64::from(1 << FINE_BITS);
