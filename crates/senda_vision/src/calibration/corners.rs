@@ -144,6 +144,9 @@ fn find_in(
         return Err(describe(mask, &whole_picture, &seen, picture, misfit));
     };
     let found = exact(&pair, picture, sheet, lens)?;
+    if !is_black_on_white(&found, picture, sheet, lens) {
+        return Err(describe(mask, &whole_picture, &[], picture, None));
+    }
     let others = third_squares(&found, &pair, &seen, sheet, lens);
     if others > 0 {
         return Err(CalibrationError::TooManySquares { found: 2 + others });
@@ -172,6 +175,9 @@ fn fitting_pairs(
             let (near, far) = if middle(a).y > middle(b).y { (a, b) } else { (b, a) };
             match rough_fit(near, far, sheet, lens) {
                 Ok(()) => pairs.push([*near, *far]),
+                // Two regions that are off by the size of a square have nothing to do with the sheet.
+                Err(CalibrationError::DoNotFit { error_px, .. })
+                    if error_px > 0.5 * area(far).abs().sqrt() => {}
                 Err(error) if quads.len() == 2 => *misfit = Some(error),
                 Err(_) => {}
             }
@@ -296,6 +302,49 @@ fn exact(
     Ok(Found { image, ideal })
 }
 
+/// Whether the squares are dark throughout and have light paper all around: two blots of the floor that happen to have eight
+/// fitting corners have not.
+fn is_black_on_white(found: &Found, picture: &Picture, sheet: &Sheet, lens: Option<&Lens>) -> bool {
+    let Some(map) = image_from_floor(sheet, &found.ideal) else {
+        return false;
+    };
+    let side = sheet.square_side_m;
+    let look = |floor: Vec2| {
+        let pixel = map
+            .map(floor)
+            .and_then(|ideal| edges::image_from_ideal(lens, ideal));
+        pixel.map(|pixel| picture.full.sample(pixel))
+    };
+    [sheet.near_square_m, sheet.far_square_m].iter().all(|start| {
+        let centre = Vec2::new(start + side / 2.0, 0.0);
+        let mut ink: Vec<f64> = Vec::new();
+        let mut paper: Vec<f64> = Vec::new();
+        for i in 0..6 {
+            let part = (f64::from(i) + 0.5) / 6.0 - 0.5;
+            for k in 0..6 {
+                let other = (f64::from(k) + 0.5) / 6.0 - 0.5;
+                ink.extend(look(centre + Vec2::new(part, other) * 0.85 * side));
+            }
+            // Sheet::check keeps a fifth of a side of white around the squares.
+            for edge in [-0.63, 0.63] {
+                paper.extend(look(centre + Vec2::new(part * 1.2, edge) * side));
+                paper.extend(look(centre + Vec2::new(edge, part * 1.2) * side));
+            }
+        }
+        let median = |values: &mut Vec<f64>| {
+            values.sort_by(f64::total_cmp);
+            values.get(values.len() / 2).copied().unwrap_or(0.0)
+        };
+        // Nearer to the ink, because paper may lie half in a shadow.
+        let black = median(&mut ink);
+        let level = black + 0.25 * (median(&mut paper) - black);
+        let dark = ink.iter().filter(|value| **value < level).count();
+        let light = paper.iter().filter(|value| **value > level).count();
+        // Reflections and the square's own blur take some.
+        dark as f64 >= 0.8 * 36.0 && light as f64 >= 0.8 * 24.0
+    })
+}
+
 /// How many other regions are squares of the same size around the sheet: then nobody knows which two are meant. Shrinking
 /// alone would cut a third one off and go on with the wrong two.
 fn third_squares(
@@ -351,7 +400,9 @@ fn describe(
     }
     let largest_cut = regions
         .iter()
-        .filter(|region| region.touches(mask, 0) != [false; 4] && region.could_be_cut_off())
+        // What touches several sides is the floor around the sheet.
+        .filter(|region| region.touches(mask, 0).iter().filter(|touches| **touches).count() == 1)
+        .filter(|region| region.could_be_cut_off())
         .filter(|region| region.area_px < mask.width * mask.height / 4)
         .filter(|region| {
             // Of the same order of size as the one that is whole, if there is one.

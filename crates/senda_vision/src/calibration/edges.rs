@@ -7,6 +7,8 @@ use senda_geom::{Lens, Vec2, Vec3};
 const ROUNDS: usize = 4;
 /// Places along a profile across an edge, for each pixel of its length.
 const SAMPLES_PER_PX: f64 = 4.0;
+/// Shortest half of a profile (px): a sharp edge's step, widened by sampling between pixels, still fits into it.
+const LEAST_REACH: f64 = 1.75;
 /// Most places to look at along an edge; more add nothing.
 const MOST_PLACES: f64 = 240.0;
 
@@ -76,7 +78,13 @@ pub(super) fn refine(gray: &Gray, rough: &[Vec2; 4], lens: Option<&Lens>, rough_
     let mut image = *rough;
     let mut ideal = *rough;
     for round in 0..ROUNDS {
-        let lines = edge_lines(gray, &image, lens, if round == 0 { 1.5 * rough_px } else { 0.0 })?;
+        let reach = match round {
+            0 => widest_reach(gray, &image) + 1.5 * rough_px,
+            1 => widest_reach(gray, &image),
+            // Wide profiles collect noise: as narrow as the blur allows, now that it can be measured.
+            _ => sharpest_reach(gray, &image).min(widest_reach(gray, &image)),
+        };
+        let lines = edge_lines(gray, &image, lens, reach)?;
         for index in 0..4 {
             ideal[index] = lines[(index + 3) % 4].crossing(&lines[index])?;
             image[index] = image_from_ideal(lens, ideal[index])?;
@@ -108,17 +116,52 @@ impl Line {
     }
 }
 
-/// The lines through the edges from corner 0 to 1, 1 to 2, 2 to 3 and 3 to 0.
-fn edge_lines(gray: &Gray, corners: &[Vec2; 4], lens: Option<&Lens>, slack_px: f64) -> Option<[Line; 4]> {
-    let centre = (corners[0] + corners[1] + corners[2] + corners[3]) / 4.0;
+/// Half the length of profiles (px): wide enough to see both sides of a blurred edge, narrow enough not to reach the next
+/// edge or the paper's end.
+fn widest_reach(gray: &Gray, corners: &[Vec2; 4]) -> f64 {
     let lengths: [f64; 4] = std::array::from_fn(|i| (corners[(i + 1) % 4] - corners[i]).length());
-    // Wide enough to see both sides of a blurred edge, narrow enough not to reach the next edge or the paper's end.
     let thin = (lengths[0] + lengths[2]).min(lengths[1] + lengths[3]) / 2.0;
-    let reach = (0.18 * thin).clamp(1.75, (0.012 * gray.width as f64).max(4.0)) + slack_px;
+    (0.18 * thin).clamp(LEAST_REACH, (0.012 * gray.width as f64).max(4.0))
+}
+
+/// Half the length that profiles need (px), from how far apart a fifth and four fifths of the step are in the mean profile of
+/// all edges.
+fn sharpest_reach(gray: &Gray, corners: &[Vec2; 4]) -> f64 {
+    let centre = middle(corners);
+    let reach = widest_reach(gray, corners);
+    const COUNT: usize = 48;
+    let mut mean = [0.0; COUNT];
+    for index in 0..4 {
+        let edge = Edge::new(corners[index], corners[(index + 1) % 4], centre, reach);
+        for part in 0..24 {
+            let foot = edge.foot((f64::from(part) + 0.5) / 24.0);
+            for (k, value) in mean.iter_mut().enumerate() {
+                let place = ((k as f64 + 0.5) / COUNT as f64 * 2.0 - 1.0) * reach;
+                *value += gray.sample(foot + edge.outwards * place);
+            }
+        }
+    }
+    let (dark, light) = (mean[0], mean[COUNT - 1]);
+    let within = |value: &&f64| {
+        let part = (**value - dark) / (light - dark);
+        (0.2..0.8).contains(&part)
+    };
+    let width = mean.iter().filter(within).count() as f64 / COUNT as f64 * 2.0 * reach;
+    // A sharp picture, sampled between pixels, has a width of about 0.8 px and ends its step 1.5 px from the edge.
+    (1.0 + 1.5 * width).max(LEAST_REACH)
+}
+
+fn middle(corners: &[Vec2; 4]) -> Vec2 {
+    (corners[0] + corners[1] + corners[2] + corners[3]) / 4.0
+}
+
+/// The lines through the edges from corner 0 to 1, 1 to 2, 2 to 3 and 3 to 0.
+fn edge_lines(gray: &Gray, corners: &[Vec2; 4], lens: Option<&Lens>, reach: f64) -> Option<[Line; 4]> {
+    let centre = middle(corners);
     let mut lines = [None; 4];
     for (index, line) in lines.iter_mut().enumerate() {
-        let (from, to) = (corners[index], corners[(index + 1) % 4]);
-        *line = Some(edge_line(gray, from, to, centre, reach, lens)?);
+        let edge = Edge::new(corners[index], corners[(index + 1) % 4], centre, reach);
+        *line = Some(edge_line(gray, &edge, reach, lens)?);
     }
     let [Some(a), Some(b), Some(c), Some(d)] = lines else {
         return None;
@@ -126,31 +169,46 @@ fn edge_lines(gray: &Gray, corners: &[Vec2; 4], lens: Option<&Lens>, slack_px: f
     Some([a, b, c, d])
 }
 
-fn edge_line(
-    gray: &Gray,
-    from: Vec2,
-    to: Vec2,
-    centre: Vec2,
-    reach: f64,
-    lens: Option<&Lens>,
-) -> Option<Line> {
-    let length = (to - from).length();
-    let along = (to - from).try_normalize()?;
-    let outwards = Vec2::new(along.y, -along.x);
-    let outwards = if outwards.dot(from - centre) < 0.0 {
-        -outwards
-    } else {
-        outwards
-    };
-    // Near a corner the profile would see the neighbouring edge.
-    let margin = (0.5 + 0.6 * reach).max(0.1 * length).min(0.3 * length);
-    let places = (length - 2.0 * margin).clamp(6.0, MOST_PLACES).ceil();
+/// The part of an edge that profiles can cross.
+struct Edge {
+    start: Vec2,
+    end: Vec2,
+    /// Away from the square, one px long.
+    outwards: Vec2,
+}
+
+impl Edge {
+    fn new(from: Vec2, to: Vec2, centre: Vec2, reach: f64) -> Self {
+        let length = (to - from).length();
+        let along = (to - from).normalize_or_zero();
+        let outwards = Vec2::new(along.y, -along.x);
+        let outwards = if outwards.dot(from - centre) < 0.0 {
+            -outwards
+        } else {
+            outwards
+        };
+        // Near a corner the profile would see the neighbouring edge.
+        let margin = (0.5 + 0.6 * reach).max(0.1 * length).min(0.3 * length);
+        Self {
+            start: from + along * margin,
+            end: to - along * margin,
+            outwards,
+        }
+    }
+
+    /// The place at a part (0..1) of the length.
+    fn foot(&self, part: f64) -> Vec2 {
+        self.start + (self.end - self.start) * part
+    }
+}
+
+fn edge_line(gray: &Gray, edge: &Edge, reach: f64, lens: Option<&Lens>) -> Option<Line> {
+    let places = (edge.end - edge.start).length().clamp(6.0, MOST_PLACES).ceil();
     let mut steps = Vec::with_capacity(places as usize);
     for index in 0..places as usize {
-        let part = (index as f64 + 0.5) / places;
-        let foot = from + along * (margin + (length - 2.0 * margin) * part);
-        if let Some((offset, contrast)) = step(gray, foot, outwards, reach) {
-            steps.push((foot + outwards * offset, contrast));
+        let foot = edge.foot((index as f64 + 0.5) / places);
+        if let Some((offset, contrast)) = step(gray, foot, edge.outwards, reach) {
+            steps.push((foot + edge.outwards * offset, contrast));
         }
     }
     let mut contrasts: Vec<f64> = steps.iter().map(|(_, contrast)| *contrast).collect();

@@ -10,8 +10,9 @@ const VERSION: u32 = 1;
 /// Numbers that can be computed from others in the file must agree with them this well (px).
 const AGREEMENT_PX: f64 = 0.01;
 const HEAD: &str = "\
-# Camera calibration by senda. Pixels: u right, v down, pixel centres at +0.5, for the image size below; frames of other
-# sizes are scaled to it. Floor: metres in the vehicle frame, x forward from the axle, y left.
+# Camera calibration by senda.
+# Pixels: u right, v down, pixel centres at +0.5, for the image size below; frames of other sizes are scaled to it.
+# Floor: metres in the vehicle frame, x forward from the axle, y left.
 # floor_from_image: (x·w, y·w, w) = matrix · (u, v, 1), rows of the matrix.
 # corners_px: near square, then far one; each near left, near right, far left, far right.
 # square_width: width of a line as wide as a square = intercept_px + slope_px_per_row · v.
@@ -289,6 +290,8 @@ impl Reader<'_> {
                 position_px: file.placement.position_px,
                 orientation_px: file.placement.orientation_px,
                 limit_px: file.placement.limit_px,
+                // Not in the file: they follow from the corners.
+                ..placement(&corners_px, &file.sheet, file.width_px, 0.0)
             },
             reprojection: Reprojection {
                 rms_px: file.reprojection.rms_px,
@@ -317,7 +320,7 @@ impl Reader<'_> {
         };
         let agree = |a: f64, b: f64| (a - b).abs() <= AGREEMENT_PX;
         let (says, corners) = (&calibration.placement, &calibration.corners_px);
-        let gives = placement(corners, calibration.width_px, 0.0);
+        let gives = placement(corners, &calibration.sheet, calibration.width_px, 0.0);
         if !agree(says.position_px, gives.position_px) {
             return disagrees("placement.position_px", says.position_px, gives.position_px);
         }
@@ -387,3 +390,6 @@ fn nearest_key(message: &str) -> Option<&str> {
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, known)| known)
 }
+
+#[cfg(test)]
+mod tests;

@@ -42,7 +42,7 @@ pub(super) fn fit(
         floor_from_image,
         corners_px: found.image,
         sheet: *sheet,
-        placement: placement(&found.image, width_px, options.placement_limit),
+        placement: placement(&found.image, sheet, width_px, options.placement_limit),
         reprojection: Reprojection {
             rms_px: misses(&map, sheet, &found.ideal),
             max_px: 0.0,
@@ -76,13 +76,25 @@ pub(super) fn reprojection(calibration: &Calibration) -> Option<Reprojection> {
     })
 }
 
-/// The document's eq. 12, from the means of each square's corners.
-pub(super) fn placement(corners: &[Vec2; 8], width_px: u32, limit: f64) -> Placement {
-    let middle_u = |half: usize| corners[4 * half..][..4].iter().map(|c| c.x).sum::<f64>() / 4.0;
+/// The document's eq. 12, from the means of each square's corners; and the same in metres and radians.
+pub(super) fn placement(corners: &[Vec2; 8], sheet: &Sheet, width_px: u32, limit: f64) -> Placement {
+    let square = |half: usize| -> &[Vec2] { &corners[4 * half..][..4] };
+    let middle_u = |half: usize| square(half).iter().map(|c| c.x).sum::<f64>() / 4.0;
+    let centre_u = f64::from(width_px) / 2.0;
+    // At a square's distance a pixel is as wide as the square's side over its width in pixels.
+    let to_the_left_m = |half: usize| {
+        let c = square(half);
+        let side_px = (c[1].x - c[0].x + c[3].x - c[2].x) / 2.0;
+        (centre_u - middle_u(half)) * sheet.square_side_m / side_px
+    };
+    let (near_m, far_m) = (to_the_left_m(0), to_the_left_m(1));
+    let slope = (far_m - near_m) / (sheet.far_square_m - sheet.near_square_m);
     Placement {
-        position_px: middle_u(0) - f64::from(width_px) / 2.0,
+        position_px: middle_u(0) - centre_u,
         orientation_px: middle_u(0) - middle_u(1),
         limit_px: limit * f64::from(width_px),
+        lateral_m: near_m - slope * (sheet.near_square_m + sheet.square_side_m / 2.0),
+        turn_rad: trig::atan(slope),
     }
 }
 

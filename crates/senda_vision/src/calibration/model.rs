@@ -37,6 +37,11 @@ pub struct Placement {
     pub orientation_px: f64,
     /// Largest accepted amount of either (px).
     pub limit_px: f64,
+    /// How far to the left of the vehicle's middle the sheet lies, at the axle (m), if the camera looks straight ahead
+    /// from the vehicle's middle. (The two errors in pixels mix this with the next.)
+    pub lateral_m: f64,
+    /// How far the sheet is turned to the left (rad), on the same condition.
+    pub turn_rad: f64,
 }
 
 impl Placement {
@@ -45,19 +50,23 @@ impl Placement {
         self.position_px.abs() <= self.limit_px && self.orientation_px.abs() <= self.limit_px
     }
 
-    /// What to do about the larger error.
-    pub(super) fn advice(&self) -> &'static str {
-        if self.orientation_px.abs() > self.limit_px {
-            if self.orientation_px > 0.0 {
-                "turn the vehicle a little to the left"
-            } else {
-                "turn the vehicle a little to the right"
-            }
-        } else if self.position_px > 0.0 {
-            "move the vehicle a little to the right"
-        } else {
-            "move the vehicle a little to the left"
+    /// What to do about it, such as "move it 4 mm to the left, turn it 2.0° to the right".
+    pub fn advice(&self) -> String {
+        let side = |amount: f64| if amount > 0.0 { "left" } else { "right" };
+        let mut parts = Vec::new();
+        // Less cannot be done by hand.
+        if self.lateral_m.abs() >= 0.0005 {
+            let (amount, side) = (self.lateral_m.abs() * 1e3, side(self.lateral_m));
+            parts.push(format!("move it {amount:.0} mm to the {side}"));
         }
+        if self.turn_rad.abs() >= 0.003 {
+            let (amount, side) = (self.turn_rad.abs().to_degrees(), side(self.turn_rad));
+            parts.push(format!("turn it {amount:.1}° to the {side}"));
+        }
+        if parts.is_empty() {
+            parts.push("check that the camera looks straight ahead".to_owned());
+        }
+        parts.join(", ")
     }
 }
 

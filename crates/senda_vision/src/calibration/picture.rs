@@ -8,6 +8,8 @@ use senda_geom::Vec2;
 const SMALLEST: (usize, usize) = (96, 72);
 /// Widest picture to search in (px); larger photographs are searched in a copy shrunk by a whole factor.
 const WIDEST_SEARCH: usize = 640;
+/// Narrowest picture to smooth before searching (px).
+const LEAST_SMOOTHED: usize = 200;
 /// Brightness that white paper must reach at least: sensor noise and JPEG leave nothing to fit below. Guess.
 const DARKEST_PAPER: u8 = 40;
 /// Least difference between paper and ink, as a part of the paper's brightness. Guess.
@@ -88,7 +90,13 @@ impl Picture {
             return Err(CalibrationError::NoContrast { darkest, brightest });
         }
         let shrink = width.div_ceil(WIDEST_SEARCH);
-        let search = smoothed(&shrunk(&full, shrink));
+        let search = shrunk(&full, shrink);
+        // In small pictures the white between square and floor is two or three pixels: smoothing would close it.
+        let search = if width < LEAST_SMOOTHED {
+            search
+        } else {
+            smoothed(&search)
+        };
         Ok(Self { full, search, shrink })
     }
 }

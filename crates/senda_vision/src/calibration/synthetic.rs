@@ -101,9 +101,16 @@ impl Scene {
     pub(super) fn photograph(&self, camera: &Camera) -> Image {
         let (width, height) = (camera.width_px as usize, camera.height_px as usize);
         let sheet_from_vehicle = self.vehicle_from_sheet.inverse();
-        let look = |u: f64, v: f64| match camera.floor_from_pixel(Vec2::new(u, v)) {
-            Some(floor) => self.reflectance(sheet_from_vehicle.transform(floor)),
-            None => 150.0,
+        // Camera::floor_from_pixel computes the rotation anew for every pixel; here it stands still.
+        let (vehicle_from_camera, place) =
+            (camera.mounting.vehicle_from_camera(), camera.mounting.position());
+        let look = |u: f64, v: f64| {
+            let direction = vehicle_from_camera * camera.lens.ray(Vec2::new(u, v));
+            if direction.z > -1e-9 {
+                return 150.0;
+            }
+            let floor = place + direction * (place.z / -direction.z);
+            self.reflectance(sheet_from_vehicle.transform(floor.truncate()))
         };
         // Values at pixel corners decide where to look more closely.
         let stride = width + 1;

@@ -45,53 +45,65 @@ pub(super) fn marks(sheet: &Sheet) -> Vec<Mark> {
         let bounds = [middle - side / 2.0, top, side, side];
         marks.push(Mark::Box { bounds, ink: 1.0 });
     }
-    // Everything else stays below the near square, so that the camera sees white paper around the squares.
+    // Everything else stays below or well beside the near square, so that the camera sees white paper around the squares.
     let near = down(sheet.near_square_m);
-    let middle_end = (near + 12.0).min(length - 4.0);
-    marks.push(line([middle, middle_end], [middle, length - 4.0]));
+    marks.push(line(
+        [middle, (near + 12.0).min(length - 4.0)],
+        [middle, length - 4.0],
+    ));
     let mut rows = vec![
-        "senda calibration sheet. Print at 100 % (no fit to page); check the ruler with a real one."
-            .to_owned(),
+        "senda calibration sheet".to_owned(),
+        "Print at 100 %, not fitted to the page;".to_owned(),
+        "check the 10 cm against a real ruler.".to_owned(),
         format!(
-            "Squares {side:.1} mm, beginning {:.1} and {:.1} mm ahead of the axle.",
-            sheet.near_square_m * 1e3,
-            sheet.far_square_m * 1e3
+            "Squares {side:.1} mm; they begin {:.1} and",
+            sheet.near_square_m * 1e3
         ),
+        format!("{:.1} mm ahead of the axle.", sheet.far_square_m * 1e3),
     ];
-    let left = 8.0;
     if sheet.carries_wheels() {
-        let axle = down(0.0);
-        let tyre = sheet.wheel_width_m * 1e3;
-        let reach = (sheet.track_m + sheet.wheel_width_m) * 500.0;
-        marks.push(line([middle - reach - 4.0, axle], [middle + reach + 4.0, axle]));
-        for centre in [middle - sheet.track_m * 500.0, middle + sheet.track_m * 500.0] {
-            for edge in [centre - tyre / 2.0, centre + tyre / 2.0] {
-                marks.push(line([edge, axle - 10.0], [edge, (axle + 10.0).min(length - 3.0)]));
-            }
-        }
-        rows.push("Stand the wheels on the marks, their contact points on the cross line;".to_owned());
-        rows.push("the vehicle's middle on the middle line, looking at the squares.".to_owned());
+        wheel_marks(&mut marks, sheet, middle, down(0.0));
+        rows.push("Stand the wheels on the marks, the axle on".to_owned());
+        rows.push("the cross line, the vehicle's middle on the".to_owned());
+        rows.push("middle line, looking at the squares.".to_owned());
     } else {
-        rows.push(format!(
-            "Lay this edge {:.1} mm ahead of the axle, the vehicle's middle on the middle line.",
-            sheet.page_start_m * 1e3
-        ));
+        let start = sheet.page_start_m * 1e3;
+        rows.push(format!("Lay this edge {start:.1} mm ahead of the axle,"));
+        rows.push("the middle line in line with the vehicle's".to_owned());
+        rows.push("middle, the squares away from the vehicle.".to_owned());
     }
-    let room = length - near;
+    let left = 8.0;
+    let text_high = ROW * rows.len() as f64;
     // The ruler stands upright at the left where there is room, else it lies along the lower edge.
     let ruler_top = near + 14.0;
-    if ruler_top + 100.0 < length - 6.0 {
+    let (text_left, text_top) = if ruler_top + 100.0 < length - 6.0 {
         ruler(&mut marks, [left + 4.0, ruler_top], [0.0, 1.0], [1.0, 0.0]);
+        (left + 20.0, near + 20.0)
     } else {
         ruler(&mut marks, [left, length - 6.0], [1.0, 0.0], [0.0, -1.0]);
-    }
-    let text_left = left + 20.0;
-    let first = near + if room > 60.0 { 24.0 } else { 6.0 };
+        (left, (near + 12.0).min(length - 18.0 - text_high))
+    };
     for (index, words) in rows.into_iter().enumerate() {
-        let at = [text_left, first + 6.0 * index as f64];
-        marks.push(Mark::Text { at, size: 3.2, words });
+        let at = [text_left, text_top + ROW * (index + 1) as f64];
+        marks.push(Mark::Text { at, size: 2.8, words });
     }
     marks
+}
+
+/// Distance between lines of text (mm).
+const ROW: f64 = 4.4;
+
+/// Both wheels' outlines and the line below the axle.
+fn wheel_marks(marks: &mut Vec<Mark>, sheet: &Sheet, middle: f64, axle: f64) {
+    let low = sheet.page_length_m * 1e3 - 3.0;
+    let (half_track, tyre) = (sheet.track_m * 500.0, sheet.wheel_width_m * 1e3);
+    let reach = half_track + tyre / 2.0 + 4.0;
+    marks.push(line([middle - reach, axle], [middle + reach, axle]));
+    for centre in [middle - half_track, middle + half_track] {
+        for edge in [centre - tyre / 2.0, centre + tyre / 2.0] {
+            marks.push(line([edge, axle - 10.0], [edge, (axle + 10.0).min(low)]));
+        }
+    }
 }
 
 fn line(from: [f64; 2], to: [f64; 2]) -> Mark {
@@ -131,9 +143,12 @@ mod tests {
             Sheet::default().moved(0.3),
         ] {
             let near = (sheet.page_end_m() - sheet.near_square_m) * 1e3;
+            let side = sheet.square_side_m * 1e3;
             let inside = |[x, y]: [f64; 2]| {
                 assert!(x > 0.0 && x < sheet.page_width_m * 1e3, "{x}");
-                assert!(y > near + 0.5 && y < sheet.page_length_m * 1e3, "{y}");
+                assert!(y > 0.0 && y < sheet.page_length_m * 1e3, "{y}");
+                let beside = (x - sheet.page_width_m * 500.0).abs() - side / 2.0;
+                assert!(y > near + 0.2 * side || beside > 0.5 * side, "{x} {y}");
             };
             for mark in marks(&sheet) {
                 match mark {
@@ -146,7 +161,12 @@ mod tests {
                         inside([at[0], at[1] - size]);
                         inside(at);
                         // Helvetica is on average about half as wide as high.
-                        inside([at[0] + 0.52 * size * words.len() as f64, at[1]]);
+                        let right = at[0] + 0.52 * size * words.len() as f64;
+                        inside([right, at[1]]);
+                        assert!(
+                            right < sheet.page_width_m * 500.0,
+                            "{words} crosses the middle line"
+                        );
                     }
                 }
             }

@@ -131,6 +131,6 @@ mod tests {
         assert!(text.contains("/MediaBox [0 0 595.2756 841.8898]"), "{text}");
         // The far square's far edge is 17 mm below the top of the page: 297 - 17 - 50 = 230 mm above its foot.
         assert!(text.contains("0 g 80 230 50 50 re f"));
-        assert!(text.contains("(no fit to page)") == false && text.contains("\\(no fit to page\\)"));
+        assert!(text.contains("(Print at 100 %, not fitted to the page;) Tj"));
     }
 }
