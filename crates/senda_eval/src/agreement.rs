@@ -100,7 +100,7 @@ pub fn steerings(recorded: &Recording, driven: &Recording) -> (Vec<f64>, Vec<Opt
         let signals = &driven.steps[i].explanation.signals;
         let lost = signals
             .iter()
-            .any(|signal| signal.name == "found" && !(signal.value > 0.0));
+            .any(|signal| signal.name == "found" && (signal.value <= 0.0 || signal.value.is_nan()));
         (!lost).then(|| steering(driven, i))
     });
     (reference, answers.collect())

@@ -45,6 +45,15 @@ pub fn length(metres: f64) -> String {
     }
 }
 
+/// A given length without needless digits: `15 cm`, `1.5 m`.
+pub fn length_short(metres: f64) -> String {
+    if metres.abs() < 1.0 {
+        format!("{} cm", short(100.0 * metres))
+    } else {
+        format!("{} m", short(metres))
+    }
+}
+
 /// A length in people's unit and in metres: `1.23 cm (0.0123 m)`.
 pub fn length_both(metres: f64) -> String {
     if metres.abs() < 1.0 {

@@ -1,21 +1,22 @@
-//! Figures as SVG text: line plots, scatter, rate bars, heat grids and maps.
+//! Figures as SVG text: line plots, scatter, rates with intervals, heat grids and maps.
 //!
 //! The same input gives the same bytes. Colours are CSS variables of a palette that colour-blind readers can tell apart
 //! (Okabe & Ito 2008) with a light and a dark form. [`standalone`] makes a file of a figure; inside a page the page's
 //! style sheet defines the variables ([`PALETTE_LIGHT`], [`PALETTE_DARK`], [`RULES`]).
 
 mod axis;
-mod bars;
+
 mod heat;
 mod line;
 mod map;
+mod rates;
 mod svg;
 
 pub use axis::{Axis, ticks};
-pub use bars::{RateBar, RateBars};
 pub use heat::HeatGrid;
 pub use line::{Band, LinePlot, Rule, Series, Span, Stroke};
 pub use map::{Map, MapStyle, Track};
+pub use rates::{RateRow, RateRows};
 pub(crate) use svg::thinned;
 
 /// Variables of the light form, as CSS declarations.

@@ -1,7 +1,7 @@
 //! The page that all reports share: template, style, script.
 
 use super::run::RunSection;
-use crate::plot;
+use crate::{plot, text};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use minijinja::value::Serde;
@@ -78,14 +78,47 @@ pub(super) struct Figure {
 pub(super) struct Table {
     pub(super) caption: String,
     pub(super) columns: Vec<String>,
+    /// How many of the first columns hold words (set flush left); the rest holds numbers.
+    pub(super) words: usize,
     pub(super) rows: Vec<Row>,
 }
 
-/// A row of a [`Table`]. `tone` is a style class: `bad` or empty.
+/// A row of a [`Table`]. `tone` is a style class: `bad`, `first` (of a group) or empty.
 #[derive(Debug, Clone, Default, Serialize)]
 pub(super) struct Row {
     pub(super) cells: Vec<String>,
     pub(super) tone: &'static str,
+}
+
+/// A figure in large type.
+#[derive(Debug, Clone, Default, Serialize)]
+pub(super) struct Card {
+    label: String,
+    value: String,
+    unit: String,
+    detail: String,
+    hint: String,
+    tone: &'static str,
+}
+
+impl Card {
+    /// `1.23 cm` is set as a large number with a small unit. `tone` is a style class: `good`, `bad` or empty.
+    pub(super) fn new(label: &str, figure: String, detail: String, hint: &str, tone: &'static str) -> Self {
+        let (value, unit) = match figure.split_once(' ') {
+            Some((number, unit)) if number.ends_with(|c: char| c.is_ascii_digit()) => {
+                (number.to_owned(), unit.to_owned())
+            }
+            _ => (figure, String::new()),
+        };
+        Self {
+            label: label.to_owned(),
+            value,
+            unit,
+            detail,
+            hint: hint.to_owned(),
+            tone,
+        }
+    }
 }
 
 /// A part of the page that is not a run.
@@ -93,6 +126,7 @@ pub(super) struct Row {
 pub(super) struct Section {
     pub(super) title: String,
     pub(super) intro: String,
+    pub(super) cards: Vec<Card>,
     pub(super) wide: bool,
     pub(super) figures: Vec<Figure>,
     pub(super) tables: Vec<Table>,
@@ -114,6 +148,11 @@ pub(super) fn render(page: &Page, runs: Vec<RunSection>, sections: Vec<Section>)
     let script_hash = format!("sha256-{}", STANDARD.encode(Sha256::digest(SCRIPT)));
     let mut environment = minijinja::Environment::new();
     environment.set_auto_escape_callback(|_| minijinja::AutoEscape::Html);
+    // Our own escaping, as in figures: it also removes control characters.
+    environment.set_formatter(|out, state, value| match value.as_str() {
+        Some(words) if !value.is_safe() => Ok(out.write_str(&text::escape(words))?),
+        _ => minijinja::escape_formatter(out, state, value),
+    });
     environment
         .add_template("report.html", TEMPLATE)
         .expect("the embedded template parses: every test renders it");

@@ -1,6 +1,6 @@
 //! Which plots a run has, and what each caption says.
 
-use super::page::Figure;
+use super::page::{Figure, Table};
 use super::run::Columns;
 use super::signals::Column;
 use crate::plot::{Axis, LinePlot, Rule, Series, Span, Stroke};
@@ -13,6 +13,7 @@ pub(super) struct Group {
     pub(super) title: String,
     pub(super) intro: String,
     pub(super) figures: Vec<Figure>,
+    pub(super) tables: Vec<Table>,
 }
 
 /// What a plot shows.
@@ -130,12 +131,14 @@ pub(super) fn groups(columns: &Columns) -> Vec<Group> {
             title: "Against per cent of the lap".into(),
             intro: "The same place of the road is at the same place of the axis, lap after lap. Red spans: outside the corridor.".into(),
             figures,
+            tables: Vec::new(),
         });
     }
-    let more: &[Plan] = if columns.percent.is_none() {
-        &WITHOUT_ROAD
-    } else {
-        &[]
+    // Beside a human's, the driver's steering is already shown.
+    let more: &[Plan] = match (&columns.percent, columns.get("human")) {
+        (Some(_), _) => &[],
+        (None, Some(_)) => &WITHOUT_ROAD[1..],
+        (None, None) => &WITHOUT_ROAD,
     };
     let mut figures: Vec<Figure> = TIME
         .iter()
@@ -163,6 +166,7 @@ pub(super) fn groups(columns: &Columns) -> Vec<Group> {
             intro: "What the driver logs for each frame (C15). Red spans: the line or lane was not found."
                 .into(),
             figures,
+            tables: Vec::new(),
         });
     }
     groups
@@ -220,7 +224,7 @@ fn against_percent(plan: &Plan, columns: &Columns, percent: &[f64]) -> Option<Fi
         ];
         caption += &format!(
             " The corridor ends {} to either side.",
-            text::length(half_width_m)
+            text::length_short(half_width_m)
         );
     }
     Some(Figure {
@@ -244,7 +248,11 @@ fn against_time(plan: &Plan, columns: &Columns) -> Option<Figure> {
 fn time_figure(title: &str, label: &str, caption: &str, chosen: &[&Column], columns: &Columns) -> Figure {
     let time_s = &columns.time_s;
     let found: Vec<bool> = match columns.get("signal found") {
-        Some(found) => found.values.iter().map(|value| !(*value <= 0.0)).collect(),
+        Some(found) => found
+            .values
+            .iter()
+            .map(|value| *value > 0.0 || value.is_nan())
+            .collect(),
         None => Vec::new(),
     };
     let mut y = axis(label, chosen);
@@ -305,7 +313,13 @@ fn series_name(column: &Column) -> String {
 
 /// An axis in the columns' unit. The first column decides; units of one plot agree by construction or are plain numbers.
 fn axis(label: &str, chosen: &[&Column]) -> Axis {
-    Axis::new(label, chosen.first().map_or("", |column| column.unit)).including(0.0)
+    let axis = Axis::new(label, chosen.first().map_or("", |column| column.unit));
+    // Wheel speeds are about their difference.
+    if label == "wheel speed" {
+        axis
+    } else {
+        axis.including(0.0)
+    }
 }
 
 /// Where `good` is false, as ranges of `x`.
@@ -315,7 +329,10 @@ fn spans(good: &[bool], x: impl Fn(usize) -> f64) -> Vec<Span> {
     for i in 0..=good.len() {
         let bad = i < good.len() && !good[i];
         // A lap's end or a missing pose ends a span, too.
-        let breaks = i > 0 && i < good.len() && !((x(i) - x(i - 1)).abs() <= 50.0);
+        let breaks = i > 0 && i < good.len() && {
+            let gap = (x(i) - x(i - 1)).abs();
+            gap.is_nan() || gap > 50.0
+        };
         if let Some(first) = begin
             && (!bad || breaks)
         {

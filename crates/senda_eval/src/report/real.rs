@@ -5,7 +5,7 @@ use super::plots::Group;
 use super::run::{self, ReportRun};
 use super::signals::{Column, Scale};
 use crate::agreement::{self, Agreement};
-use crate::plot::{Axis, LinePlot, RateBar, RateBars, Series, Stroke};
+use crate::plot::{Axis, LinePlot, RateRow, RateRows, Series, Stroke};
 use crate::statistics::rate;
 use crate::{Summary, text};
 use senda_data::Recording;
@@ -40,9 +40,9 @@ pub fn real_data_html(page: &Page, human: &Recording, driven: &Recording) -> Str
             title: "Agreement with the human".into(),
             intro: "The human's steering is no truth: people react late, look far ahead, and hold still for a while. It is what there is.".into(),
             figures: vec![scatter(&reference, &or_none), found(&agreed)],
+            tables: vec![table(&agreed)],
         },
     );
-    section.tables.push(table(&agreed));
     render(page, vec![section], Vec::new())
 }
 
@@ -75,7 +75,7 @@ fn scatter(reference: &[f64], answers: &[f64]) -> Figure {
             },
         ],
         width_px: 480.0,
-        height_px: 380.0,
+        height_px: 320.0,
         ..LinePlot::default()
     };
     Figure {
@@ -86,27 +86,28 @@ fn scatter(reference: &[f64], answers: &[f64]) -> Figure {
 }
 
 fn found(agreed: &Agreement) -> Figure {
-    let mut rows = vec![RateBar {
+    let mut rows = vec![RateRow {
         label: "line or lane found".into(),
         rate: rate(agreed.compared, agreed.frames),
         colour: 0,
     }];
     if agreed.sided > 0 {
-        rows.push(RateBar {
+        rows.push(RateRow {
             label: "steers to the same side".into(),
             rate: rate(agreed.same_side, agreed.sided),
             colour: 2,
         });
     }
-    let bars = RateBars {
+    let figure = RateRows {
         name: "How often the driver found its way and steered to the human's side".into(),
         label: "frames".into(),
         rows,
-        width_px: 520.0,
+        range: None,
+        width_px: 480.0,
     };
     Figure {
         title: "How often".into(),
-        svg: bars.svg(),
+        svg: figure.svg(),
         caption: format!(
             "With 95 % intervals (neighbouring frames are alike, so the true intervals are wider). Sides are compared where the human steers by more than {}.",
             text::angle(agreed.dead_band)
@@ -122,6 +123,7 @@ fn table(agreed: &Agreement) -> Table {
     Table {
         caption: "Differences are driver minus human, in the angle of the front wheels.".into(),
         columns: vec!["figure".into(), "value".into()],
+        words: 2,
         rows: rows.collect(),
     }
 }

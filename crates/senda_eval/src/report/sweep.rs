@@ -1,7 +1,7 @@
 //! Many runs: rates with intervals by world, floor, light, speed, and every failure with how to repeat it.
 
-use super::page::{Figure, Page, Row, Section, Table, render};
-use crate::plot::{Axis, HeatGrid, LinePlot, RateBar, RateBars, Series, Stroke};
+use super::page::{Card, Figure, Page, Row, Section, Table, render};
+use crate::plot::{Axis, HeatGrid, LinePlot, RateRow, RateRows, Series, Stroke};
 use crate::statistics::{Interval, Rate, bootstrap_mean, quantile, rate};
 use crate::{Summary, text};
 use serde::{Deserialize, Serialize};
@@ -64,8 +64,11 @@ pub struct SweepTable {
 /// Resamples of a bootstrap: enough for two digits of an interval.
 const RESAMPLES: usize = 1000;
 
+/// A property of a run as its value in words.
+type Property = fn(&SweepRun, &Summary) -> String;
+
 /// How runs are told apart.
-const PROPERTIES: [(&str, fn(&SweepRun, &Summary) -> String); 7] = [
+const PROPERTIES: [(&str, Property); 7] = [
     ("driver", |_, s| s.driver.clone()),
     ("vehicle", |_, s| s.vehicle.clone()),
     ("world", |run, _| run.world.clone()),
@@ -148,53 +151,128 @@ pub fn sweep_html(page: &Page, runs: &[SweepRun]) -> String {
 const MOST_FAILURES: usize = 200;
 
 fn overview(table: &SweepTable) -> Section {
-    let bars = |rows: &[&SweepRow], pick: fn(&SweepRow) -> Rate, label: &str, name: &str| {
+    const CAPTION: &str =
+        "Goal reached, never outside the corridor, line or lane never lost. Lines: 95 % intervals.";
+    let drawn = |by: &str| -> Vec<&SweepRow> { table.rows.iter().filter(|row| row.by == by).collect() };
+    // One axis for all, so that figures can be compared.
+    let range = RateRows::fitting_range(table.rows.iter().map(|row| &row.without_loss));
+    let figure = |by: &str, rows: &[&SweepRow]| {
+        let title = if by == "all" {
+            "Runs without a loss".to_owned()
+        } else {
+            format!("Runs without a loss, by {by}")
+        };
         let rows = rows
             .iter()
-            .map(|row| RateBar {
+            .map(|row| RateRow {
                 label: row.value.clone(),
-                rate: pick(row),
-                colour: if row.by == "all" { 6 } else { 0 },
+                rate: row.without_loss,
+                colour: 0,
             })
             .collect();
-        RateBars {
-            name: name.into(),
-            label: label.into(),
+        let rates = RateRows {
+            name: title.clone(),
+            label: "runs without a loss".into(),
             rows,
+            range: Some(range),
             width_px: 560.0,
+        };
+        Figure {
+            title,
+            svg: rates.svg(),
+            caption: CAPTION.into(),
         }
-        .svg()
     };
-    let mut figures = Vec::new();
-    for (by, _) in PROPERTIES {
-        let rows: Vec<&SweepRow> = table.rows.iter().filter(|row| row.by == by).collect();
-        if (2..=60).contains(&rows.len()) {
-            figures.push(Figure {
-                title: format!("Runs without a loss, by {by}"),
-                svg: bars(&rows, |row| row.without_loss, "runs without a loss", &format!("Runs without a loss by {by}")),
-                caption: "Goal reached, never outside the corridor, line or lane never lost. Whiskers: 95 % intervals.".into(),
-            });
-        }
-    }
+    let mut figures: Vec<Figure> = PROPERTIES
+        .iter()
+        .map(|(by, _)| (*by, drawn(by)))
+        // Beyond some 60 values a list is read better in the table.
+        .filter(|(_, rows)| (2..=60).contains(&rows.len()))
+        .map(|(by, rows)| figure(by, &rows))
+        .collect();
     if figures.is_empty() {
-        let all: Vec<&SweepRow> = table.rows.iter().collect();
-        figures.push(Figure {
-            title: "Runs without a loss".into(),
-            svg: bars(
-                &all,
-                |row| row.without_loss,
-                "runs without a loss",
-                "Runs without a loss",
-            ),
-            caption:
-                "Goal reached, never outside the corridor, line or lane never lost. Whisker: 95 % interval."
-                    .into(),
-        });
+        figures.push(figure("all", &drawn("all")));
     }
+    Section {
+        title: "Rates".into(),
+        intro: if table.errors > 0 {
+            format!(
+                "{} runs could not be made at all; they are listed below and counted nowhere.",
+                table.errors
+            )
+        } else {
+            String::new()
+        },
+        cards: table.rows.first().map(cards).unwrap_or_default(),
+        wide: true,
+        figures,
+        tables: vec![rates_table(table)],
+        ..Section::default()
+    }
+}
+
+/// The whole sweep in large type.
+fn cards(all: &SweepRow) -> Vec<Card> {
+    let interval = |rate: &Rate| format!("95 % interval {}", percent_range(rate));
+    let mut cards = vec![
+        Card::new(
+            "Runs",
+            all.completed.count.to_string(),
+            String::new(),
+            "Runs that could be made",
+            "",
+        ),
+        Card::new(
+            "Without a loss",
+            text::percent(all.without_loss.interval.value),
+            interval(&all.without_loss),
+            "Goal reached, never outside the corridor, line or lane never lost",
+            "",
+        ),
+        Card::new(
+            "Completed",
+            text::percent(all.completed.interval.value),
+            interval(&all.completed),
+            "Goal reached without leaving the corridor",
+            "",
+        ),
+    ];
+    if let Some(error) = all.lane_error_m {
+        let detail = format!(
+            "95 % interval {} – {}",
+            text::length(error.low),
+            text::length(error.high)
+        );
+        cards.push(Card::new(
+            "Lane error, mean",
+            text::length(error.value),
+            detail,
+            "Mean over runs",
+            "",
+        ));
+    }
+    if let Some(error) = all.heading_error_rad {
+        let detail = format!(
+            "95 % interval {} – {}",
+            text::angle(error.low),
+            text::angle(error.high)
+        );
+        cards.push(Card::new(
+            "Heading error, mean",
+            text::angle(error.value),
+            detail,
+            "Mean over runs",
+            "",
+        ));
+    }
+    cards
+}
+
+fn rates_table(table: &SweepTable) -> Table {
     let columns = [
-        "runs",
         "by",
-        "number",
+        "value",
+        "runs",
         "completed",
         "95 % interval",
         "without a loss",
@@ -204,49 +282,41 @@ fn overview(table: &SweepTable) -> Section {
         "max, 95 % below",
         "heading error, mean",
     ];
-    let rows = table
-        .rows
-        .iter()
-        .map(|row| Row {
-            cells: cells(row),
-            tone: "",
-        })
-        .collect();
-    Section {
-        title: "Rates".into(),
-        intro: if table.errors > 0 {
-            format!("{} runs could not be made at all; they are listed below and counted nowhere.", table.errors)
-        } else {
-            String::new()
-        },
-        wide: true,
-        figures,
-        tables: vec![Table {
-            caption: "Completed: the goal was reached without leaving the corridor. Without a loss: and the line or lane was never lost. Rates with Wilson's intervals, means over runs with bootstrap intervals.".into(),
-            columns: columns.map(String::from).to_vec(),
-            rows,
-        }],
-        ..Section::default()
+    let mut before = "";
+    let rows = table.rows.iter().map(|row| {
+        let first = row.by != before;
+        before = &row.by;
+        Row {
+            cells: cells(row, first),
+            tone: if first { "first" } else { "" },
+        }
+    });
+    Table {
+        caption: "Completed: the goal was reached without leaving the corridor. Without a loss: and the line or lane was never lost. Rates with Wilson's intervals, means over runs with bootstrap intervals.".into(),
+        columns: columns.map(String::from).to_vec(),
+        words: 2,
+        rows: rows.collect(),
     }
 }
 
-fn cells(row: &SweepRow) -> Vec<String> {
-    let range = |rate: &Rate| {
-        format!(
-            "{} – {}",
-            text::fixed(100.0 * rate.interval.low, 1),
-            text::percent(rate.interval.high)
-        )
-    };
+fn percent_range(rate: &Rate) -> String {
+    format!(
+        "{} – {}",
+        text::fixed(100.0 * rate.interval.low, 1),
+        text::percent(rate.interval.high)
+    )
+}
+
+fn cells(row: &SweepRow, first: bool) -> Vec<String> {
     let dash = || "–".to_owned();
     vec![
+        if first { row.by.clone() } else { String::new() },
         row.value.clone(),
-        row.by.clone(),
         row.completed.count.to_string(),
         text::percent(row.completed.interval.value),
-        range(&row.completed),
+        percent_range(&row.completed),
         text::percent(row.without_loss.interval.value),
-        range(&row.without_loss),
+        percent_range(&row.without_loss),
         row.lane_error_m.map_or_else(dash, |i| text::length(i.value)),
         row.lane_error_m.map_or_else(dash, |i| {
             format!("{} – {}", text::length(i.low), text::length(i.high))
