@@ -153,7 +153,8 @@ impl PrivilegedDriver for ExpertDriver {
 
         // Where the vehicle will be when this command has taken hold.
         let model = self.models.best();
-        let ahead_s = model.delay_s + model.lag_s;
+        // It holds for a period, so its middle is half a period later.
+        let ahead_s = model.delay_s + model.lag_s + 0.5 * self.body.period_s.clamp(0.0, 0.5);
         let pose = truth.world_from_vehicle.compose(model.motion.predict(ahead_s));
         let position = pose.position();
         let place = match self.station_m {

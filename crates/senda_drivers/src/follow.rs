@@ -72,7 +72,7 @@ impl Default for FollowOptions {
             pid: PidGains::default(),
             angle_limit_rad: 1.2,
             yaw_rate_limit_radps: 2.5,
-            settle_m: 0.12,
+            settle_m: 0.10,
             settle_s: 0.5,
             damping: 0.85,
             feed_forward: 1.0,

@@ -113,8 +113,11 @@ impl Helm {
     }
 
     /// Where the vehicle will be when a command given now has taken hold, in the present vehicle frame.
+    /// It holds for a period, so its middle is half a period later.
     pub(crate) fn predicted(&self) -> Pose2 {
-        self.model.predict(self.track.delay_s + self.track.lag_s)
+        let half_period_s = 0.5 * self.body.period_s.clamp(0.0, 0.5);
+        self.model
+            .predict(self.track.delay_s + self.track.lag_s + half_period_s)
     }
 
     /// How far ahead the curvature is taken (m).

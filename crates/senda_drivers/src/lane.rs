@@ -45,7 +45,7 @@ pub struct LaneShape {
     pub narrowest_m: f64,
     /// Wider pairs are no lane (m). C8: 0.35, for a vehicle 11 cm wide; a kit car's lane may be 0.8 wide.
     pub widest_m: f64,
-    /// Orientations in the picture differ by less than this (rad). C8: 50°.
+    /// Directions on the floor differ by less than this (rad). C8: 50°.
     pub orientation_rad: f64,
     /// Document: centroids move less than this on the floor between frames (m). C8: 0.04.
     pub moved_m: f64,
@@ -150,6 +150,7 @@ impl LaneDriver {
     pub fn new(body: &Body, options: LaneOptions) -> Result<Self, DriverError> {
         let shape = &options.shape;
         shape.validate()?;
+        let beside_m = shape.one_line_offset_m.unwrap_or(0.5 * track_m(body));
         let lane = if options.form == Form::Document {
             let limits = PairLimits {
                 narrowest_m: shape.narrowest_m,
@@ -160,11 +161,11 @@ impl LaneDriver {
                 reentry_score: shape.reentry_score,
                 first_score: shape.first_score,
                 dominance: shape.dominance,
-                one_line_offset_m: shape.one_line_offset_m.unwrap_or(0.5 * track_m(body)),
+                one_line_offset_m: beside_m,
             };
             Lane::Document(DocumentLane::new(limits), None)
         } else {
-            Lane::Curve(Box::new(CurveLane::new(*shape)))
+            Lane::Curve(Box::new(CurveLane::new(*shape, beside_m)))
         };
         Ok(Self {
             sight: Sight::new(body, &options.sight)?,

@@ -21,14 +21,27 @@ pub(crate) enum Role {
     Stranger,
 }
 
+/// What is known about the lane's width.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Width {
+    /// One line only, and the vehicle stands on it: it is followed itself, as in the document.
+    OneLine,
+    /// One line only, beside the vehicle: the vehicle is taken to stand in the middle, so that half the width is the
+    /// distance to the line.
+    Guessed(Role),
+    /// Both lines were seen, or the width was given.
+    Known,
+}
+
 /// The lane's memory.
 pub(crate) struct CurveLane {
     shape: LaneShape,
+    beside_m: f64,
     /// The middle of the lane; of the line while only one of unknown side is known.
     pub(crate) memory: PathMemory,
     /// Distance between the lines (m), once seen.
     width_m: Option<f64>,
-    single: bool,
+    known: Width,
     /// Where the line between the two runs, to the left of the middle (m), once learned.
     between_m: Option<f64>,
     roles: Vec<Role>,
@@ -59,12 +72,14 @@ const WIDTH_LEARNED: f64 = 0.1;
 const TANGENT_M: f64 = 0.04;
 
 impl CurveLane {
-    pub(crate) fn new(shape: LaneShape) -> Self {
+    /// `beside_m`: a single line further away than this is beside the vehicle, not below it.
+    pub(crate) fn new(shape: LaneShape, beside_m: f64) -> Self {
         Self {
+            beside_m,
             width_m: shape.width_m,
             shape,
             memory: PathMemory::default(),
-            single: false,
+            known: Width::Known,
             between_m: None,
             roles: Vec::new(),
             seen: Vec::new(),
@@ -110,14 +125,10 @@ impl CurveLane {
         if self.memory.is_empty() {
             return self.begin(sight, now_from_exposure, track);
         }
-        if self.single {
-            // As soon as a partner shows up the single line has a side.
-            if let Some(pair) = self.best_pair(candidates, now_from_exposure, track) {
-                let keeps = |index: usize| {
-                    self.beside(&self.memory, &candidates[index], now_from_exposure)
-                        .is_some_and(|beside| beside.offset_m.abs() < track.gate_m + 0.02)
-                };
-                if keeps(pair.left) || keeps(pair.right) {
+        if self.known != Width::Known {
+            // As soon as a partner shows up the line has a side and the lane a width.
+            if let Some(pair) = self.best_pair(candidates, now_from_exposure, track, 1.5) {
+                if self.continues(&pair, candidates, now_from_exposure, track) {
                     self.enter(&pair, sight, now_from_exposure, track);
                     return true;
                 }
@@ -135,7 +146,7 @@ impl CurveLane {
             return true;
         }
         // Nothing where the lane should be, but perhaps a lane elsewhere.
-        let elsewhere = self.best_pair(candidates, now_from_exposure, track);
+        let elsewhere = self.best_pair(candidates, now_from_exposure, track, 1.2);
         let strong = elsewhere.as_ref().is_some_and(|pair| {
             candidates[pair.left].score.min(candidates[pair.right].score) > self.shape.reentry_score
         });
@@ -155,9 +166,30 @@ impl CurveLane {
         false
     }
 
+    /// Whether a pair contains the one line that is known, on its side.
+    fn continues(
+        &self,
+        pair: &Pair,
+        candidates: &[Candidate],
+        now_from_exposure: Pose2,
+        track: &TrackOptions,
+    ) -> bool {
+        let half_m = 0.5 * self.width_m.unwrap_or(0.0);
+        let lies_at = |index: usize, at_m: f64| {
+            self.beside(&self.memory, &candidates[index], now_from_exposure)
+                .is_some_and(|beside| (beside.offset_m - at_m).abs() < track.gate_m + 0.02)
+        };
+        match self.known {
+            Width::OneLine => lies_at(pair.left, 0.0) || lies_at(pair.right, 0.0),
+            Width::Guessed(Role::Left) => lies_at(pair.left, half_m),
+            Width::Guessed(_) => lies_at(pair.right, -half_m),
+            Width::Known => false,
+        }
+    }
+
     fn begin(&mut self, sight: &Sight, now_from_exposure: Pose2, track: &TrackOptions) -> bool {
         let candidates = sight.candidates();
-        if let Some(pair) = self.best_pair(candidates, now_from_exposure, track) {
+        if let Some(pair) = self.best_pair(candidates, now_from_exposure, track, 0.8) {
             self.enter(&pair, sight, now_from_exposure, track);
             return true;
         }
@@ -168,25 +200,29 @@ impl CurveLane {
             return false;
         }
         self.roles[0] = Role::Single;
-        self.single = true;
+        self.known = Width::OneLine;
         self.collect(candidates, now_from_exposure);
         self.memory.clear();
         self.memory.update(&self.seen, track, |floor| sight.sees(floor));
-        // A lane of known width tells the side by the distance; the document follows the line itself.
-        if let (Some(width_m), Some(state)) = (
-            self.shape.width_m,
-            self.memory.state(Pose2::default(), 0.0, track),
-        ) {
-            if state.d_m.abs() > 0.2 * width_m {
-                let to_the_left = state.d_m > 0.0;
-                self.memory.shift(if to_the_left {
-                    -0.5 * width_m
-                } else {
-                    0.5 * width_m
-                });
-                self.roles[0] = if to_the_left { Role::Left } else { Role::Right };
-                self.single = false;
-            }
+        let Some(state) = self.memory.state(Pose2::default(), 0.0, track) else {
+            return true;
+        };
+        let distance_m = state.d_m.abs();
+        if distance_m > self.beside_m && 2.0 * distance_m < self.shape.widest_m {
+            let width_m = self.shape.width_m.unwrap_or(2.0 * distance_m);
+            let side = if state.d_m > 0.0 { Role::Left } else { Role::Right };
+            self.memory.shift(if side == Role::Left {
+                -0.5 * width_m
+            } else {
+                0.5 * width_m
+            });
+            self.width_m = Some(width_m);
+            self.roles[0] = side;
+            self.known = if self.shape.width_m.is_some() {
+                Width::Known
+            } else {
+                Width::Guessed(side)
+            };
         }
         true
     }
@@ -199,7 +235,7 @@ impl CurveLane {
         self.roles[pair.right] = Role::Right;
         self.width_m = Some(pair.width_m);
         self.between_m = None;
-        self.single = false;
+        self.known = Width::Known;
         self.strange_frames = 0;
         self.memory.clear();
         self.collect(candidates, now_from_exposure);
@@ -215,7 +251,7 @@ impl CurveLane {
         lost_m: f64,
     ) {
         let slack_m = track.gate_m + 0.2 * lost_m;
-        if self.single {
+        if self.known == Width::OneLine {
             for (index, candidate) in candidates.iter().enumerate() {
                 if let Some(beside) = self.beside(&self.memory, candidate, now_from_exposure) {
                     if beside.offset_m.abs() < slack_m + 0.5 * beside.spread_m {
@@ -263,11 +299,10 @@ impl CurveLane {
         if let (Some(left), Some(right), Some(width_m)) = (left, right, self.width_m) {
             let learned = width_m + WIDTH_LEARNED * ((left - right) - width_m);
             self.width_m = Some(learned.clamp(self.shape.narrowest_m, self.shape.widest_m));
-            if let Some(between) = between {
-                let middle = 0.5 * (left + right);
-                let known = self.between_m.unwrap_or(between - middle);
-                self.between_m = Some(known + WIDTH_LEARNED * (between - middle - known));
-            }
+        }
+        if let (Some(between), true) = (between, left.is_some() || right.is_some()) {
+            let known = self.between_m.unwrap_or(between);
+            self.between_m = Some(known + WIDTH_LEARNED * (between - known));
         }
     }
 
@@ -299,6 +334,7 @@ impl CurveLane {
                     at,
                     // What the direction's error does to a point shifted sideways is along the path: little.
                     sigma_m: point.sigma_m + 0.02 * shift_m.abs(),
+                    step_m: point.step_m,
                 });
             }
         }
@@ -334,11 +370,13 @@ impl CurveLane {
     }
 
     /// The two candidates that most look like a lane around the vehicle.
+    /// `furthest` limits where the vehicle stands in it: 0 in the middle, 1 on one of the lines.
     fn best_pair(
         &self,
         candidates: &[Candidate],
         now_from_exposure: Pose2,
         track: &TrackOptions,
+        furthest: f64,
     ) -> Option<Pair> {
         const CANDIDATES_LIMIT: usize = 8;
         let shape = &self.shape;
@@ -367,7 +405,10 @@ impl CurveLane {
                     continue;
                 };
                 let width_m = beside.offset_m;
-                let turn = candidates[left].orientation_rad - candidates[right].orientation_rad;
+                let turn = match (candidates[left].straight, candidates[right].straight) {
+                    (Some(a), Some(b)) => senda_geom::angle::difference(a.theta_rad, b.theta_rad),
+                    _ => continue,
+                };
                 let wrong_order = candidates[left].centroid.x >= candidates[right].centroid.x;
                 if width_m < shape.narrowest_m
                     || width_m > shape.widest_m
@@ -381,6 +422,9 @@ impl CurveLane {
                 let place = paths[right]
                     .locate(Vec2::ZERO)
                     .map_or(1.0, |place| 2.0 * place.offset_m / width_m - 1.0);
+                if place.abs() > furthest {
+                    continue;
+                }
                 let score = candidates[left].score.min(candidates[right].score);
                 let mut cost = place.abs() + 4.0 * beside.spread_m / width_m - score / 100_000.0;
                 if let Some(known_m) = shape.width_m.or(self.width_m) {
@@ -430,7 +474,12 @@ fn average_along(points: &mut Vec<FloorPoint>, station: impl Fn(&FloorPoint) -> 
         let sigma_m = group
             .iter()
             .fold(f64::INFINITY, |least, point| least.min(point.sigma_m));
-        points[kept] = FloorPoint { at: mean, sigma_m };
+        let step_m = group.iter().fold(0.0, |most: f64, point| most.max(point.step_m));
+        points[kept] = FloorPoint {
+            at: mean,
+            sigma_m,
+            step_m,
+        };
         kept += 1;
         from = to;
     }

@@ -11,7 +11,7 @@ pub(crate) struct PairLimits {
     pub(crate) narrowest_m: f64,
     /// And at most this (m).
     pub(crate) widest_m: f64,
-    /// The two orientations in the picture differ by less than this (rad).
+    /// The two directions on the floor differ by less than this (rad).
     pub(crate) orientation_rad: f64,
     /// A centroid moves less than this on the floor between frames (m) ...
     pub(crate) moved_m: f64,
@@ -249,10 +249,9 @@ impl DocumentLane {
             (b, a, state_b, state_a)
         };
         let width_m = left.d_m - right.d_m;
-        let turn =
-            senda_geom::angle::difference(candidates[l].orientation_rad, candidates[r].orientation_rad);
-        // Axes have no direction: 100° apart is 80° apart.
-        let turn = turn.abs().min(std::f64::consts::PI - turn.abs()).abs();
+        // On the floor: in the picture the two lines of a lane 20 cm wide differ by 85° on a straight already, so the
+        // document's 50° can only mean the angles of its states.
+        let turn = senda_geom::angle::difference(left.theta_rad, right.theta_rad).abs();
         let possible = turn < limits.orientation_rad
             && width_m >= limits.narrowest_m
             && width_m <= limits.widest_m
@@ -321,6 +320,11 @@ mod tests {
         }
     }
 
+    fn turned(mut candidate: Candidate, theta_rad: f64) -> Candidate {
+        candidate.straight.as_mut().unwrap().theta_rad = theta_rad;
+        candidate
+    }
+
     #[test]
     fn a_pair_in_the_first_frame_is_a_lane_and_its_path_is_the_mean() {
         let mut lane = DocumentLane::new(limits());
@@ -367,10 +371,7 @@ mod tests {
             (candidate(-0.1, 40.0, 6e4), candidate(0.1, 120.0, 6e4)), // left is right of right
             (
                 candidate(0.1, 40.0, 6e4),
-                Candidate {
-                    orientation_rad: 1.2,
-                    ..candidate(-0.1, 120.0, 6e4)
-                },
+                turned(candidate(-0.1, 120.0, 6e4), 1.2),
             ),
         ] {
             let accepted = DocumentLane::new(limits()).step(&[a, b], 160.0).unwrap();

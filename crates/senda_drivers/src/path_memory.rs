@@ -44,9 +44,9 @@ impl Default for TrackOptions {
             lag_s: 0.08,
             gate_m: 0.04,
             gate_slope: 0.05,
-            window_m: 0.10,
-            preview_m: 0.02,
-            preview_s: 0.05,
+            window_m: 0.07,
+            preview_m: 0.0,
+            preview_s: 0.0,
             behind_m: 0.15,
             sightings: 6.0,
             drift_m: 0.02,
@@ -106,10 +106,13 @@ struct Parabola {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct PathMemory {
     nodes: Vec<Node>,
+    scratch: Vec<Node>,
 }
 
 /// Distance between remembered points (m).
 const SPACING_M: f64 = 0.01;
+/// Neighbours further apart than this have a gap between them, such as between dashes (m).
+const GAP_M: f64 = 0.05;
 /// At most so many are kept.
 const NODES_LIMIT: usize = 160;
 /// A node that is in view but not confirmed keeps this part of its weight per sighting.
@@ -117,7 +120,7 @@ const UNCONFIRMED_KEPT: f64 = 0.75;
 /// A node at the far end below this weight is dropped (1/m²): 10 cm of standard deviation.
 const WEIGHT_DROPPED: f64 = 100.0;
 /// Expected size of curvatures (1/m, one standard deviation): keeps short or far pieces from bending wildly.
-const CURVATURE_PRIOR_PER_M: f64 = 4.0;
+const CURVATURE_PRIOR_PER_M: f64 = 12.0;
 
 impl PathMemory {
     pub(crate) fn is_empty(&self) -> bool {
@@ -268,9 +271,11 @@ impl PathMemory {
             return;
         }
         self.register(seen, options);
-        self.truncate_where_wrong(seen, options);
-        self.blend(seen, options, sees);
-        self.extend(seen, options);
+        if self.contradicts(seen, options) {
+            self.begin(seen);
+        } else {
+            self.rebuild(seen, options, sees);
+        }
         while self.nodes.len() > 2 && self.nodes.last().is_some_and(|node| node.weight < WEIGHT_DROPPED) {
             self.nodes.pop();
         }
@@ -372,106 +377,124 @@ impl PathMemory {
         }
     }
 
-    /// Where the line as seen leaves the path as remembered, the memory ends.
-    fn truncate_where_wrong(&mut self, seen: &[FloorPoint], options: &TrackOptions) {
-        let mut agreed_m: f64 = 0.0;
-        let mut first_wrong_m = f64::INFINITY;
-        let mut wrong = 0;
+    /// Whether most of what is seen beside the remembered piece is not on it: then the memory is wrong.
+    fn contradicts(&self, seen: &[FloorPoint], options: &TrackOptions) -> bool {
+        let (mut beside, mut wrong) = (0, 0);
         for point in seen {
-            let Some(place) = self.locate(point.at) else {
-                return;
-            };
-            if place.beyond_m > 0.0 {
-                continue;
-            }
-            if place.offset_m.abs() <= Self::gate_m(options, point.at) {
-                agreed_m = agreed_m.max(place.station_m);
-                wrong = 0;
-                first_wrong_m = f64::INFINITY;
-            } else {
-                wrong += 1;
-                first_wrong_m = first_wrong_m.min(place.station_m);
-            }
-        }
-        if wrong >= 3 && first_wrong_m.is_finite() {
-            let limit_m = agreed_m.max(first_wrong_m - 0.02);
-            let keep = self
-                .nodes
-                .iter()
-                .take_while(|node| node.station_m <= limit_m)
-                .count();
-            if keep >= 2 {
-                self.nodes.truncate(keep);
-            } else {
-                self.begin(seen);
-            }
-        }
-    }
-
-    /// Pulls remembered points towards what is seen, by their weights.
-    fn blend(&mut self, seen: &[FloorPoint], options: &TrackOptions, sees: impl Fn(Vec2) -> bool) {
-        for node in &mut self.nodes {
-            let gate_m = Self::gate_m(options, node.at);
-            match nearest_seen(seen, node.at) {
-                Some((foot, sigma_m)) if (foot - node.at).length() <= gate_m => {
-                    let weight = 1.0 / (sigma_m * sigma_m).max(1e-8);
-                    let part = weight / (weight + node.weight);
-                    node.at += (foot - node.at) * part;
-                    node.weight = (node.weight + weight)
-                        .min(weight * options.sightings)
-                        .max(node.weight.min(weight));
-                }
-                _ => {
-                    if sees(node.at) {
-                        node.weight *= UNCONFIRMED_KEPT;
-                    }
+            if let Some(place) = self.locate(point.at).filter(|place| place.beyond_m <= 0.0) {
+                beside += 1;
+                if place.offset_m.abs() > Self::gate_m(options, point.at) {
+                    wrong += 1;
                 }
             }
         }
+        wrong >= 3 && 2 * wrong > beside
     }
 
-    /// Appends what is seen beyond the far end, and before the near end.
-    fn extend(&mut self, seen: &[FloorPoint], options: &TrackOptions) {
-        self.restation();
-        for point in seen {
+    /// Joins memory and sight: behind the seen piece what is remembered, along it the weighted mean of both, ahead of it
+    /// what is remembered as long as it continues the seen piece and is not refuted by not being seen.
+    fn rebuild(&mut self, seen: &[FloorPoint], options: &TrackOptions, sees: impl Fn(Vec2) -> bool) {
+        let (Some(first), Some(last)) = (
+            seen.first().and_then(|point| self.locate(point.at)),
+            seen.last().and_then(|point| self.locate(point.at)),
+        ) else {
+            return;
+        };
+        let fade = |node: &Node| Node {
+            weight: if sees(node.at) {
+                node.weight * UNCONFIRMED_KEPT
+            } else {
+                node.weight
+            },
+            ..*node
+        };
+        let mut joined = std::mem::take(&mut self.scratch);
+        joined.clear();
+        // No margin here: a node that has just left the picture must not be replaced by one that is still in it.
+        let before = self
+            .nodes
+            .iter()
+            .take_while(|node| node.station_m < first.station_m);
+        joined.extend(before.copied());
+
+        let mut last_station_m = first.station_m;
+        for (index, point) in seen.iter().enumerate() {
             let Some(place) = self.locate(point.at) else {
-                return;
+                continue;
             };
-            let Some(last) = self.nodes.last() else { return };
-            if place.beyond_m < SPACING_M || place.station_m < 0.0 {
+            let after_gap = index > 0 && is_gap(&seen[index - 1], point);
+            if after_gap {
+                let within = self.nodes.iter().filter(|node| {
+                    node.station_m > last_station_m + SPACING_M
+                        && node.station_m < place.station_m - SPACING_M
+                });
+                joined.extend(within.map(fade));
+            }
+            last_station_m = place.station_m;
+            let too_near = joined
+                .last()
+                .is_some_and(|node| (point.at - node.at).length() < SPACING_M);
+            if too_near {
                 continue;
             }
-            // Within 45° of straight on, plus the gate.
-            if place.offset_m.abs() > Self::gate_m(options, point.at) + place.beyond_m {
-                continue;
-            }
-            let station_m = last.station_m + (point.at - last.at).length();
-            self.push(point);
-            if let Some(new) = self.nodes.last_mut() {
-                new.station_m = station_m;
+            joined.push(self.blended(point, &place, options));
+        }
+
+        if let (Some(end), Some(direction)) = (joined.last().copied(), seen_end_direction(seen)) {
+            let ahead = self.nodes.iter().filter(|node| node.station_m > last.station_m);
+            // Where the seen end is not on the remembered path, what is remembered beyond it is another path.
+            let agrees = last.offset_m.abs() <= Self::gate_m(options, end.at);
+            let mut continued = false;
+            for node in ahead.take_while(|_| agrees) {
+                let away = node.at - end.at;
+                if !continued && away.length() < SPACING_M {
+                    continue;
+                }
+                // The first must be within 45° of straight on, plus half the gate.
+                let (along, aside) = (away.dot(direction), away.dot(direction.perp()).abs());
+                if !continued && !(along > 0.0 && aside < along + 0.5 * Self::gate_m(options, node.at)) {
+                    break;
+                }
+                continued = true;
+                joined.push(fade(node));
             }
         }
-        for point in seen.iter().rev() {
-            let Some(place) = self.locate(point.at) else {
-                return;
-            };
-            if place.station_m > -SPACING_M || self.nodes.len() >= NODES_LIMIT {
-                continue;
-            }
-            if place.offset_m.abs() > Self::gate_m(options, point.at) + 0.5 * place.beyond_m {
-                continue;
-            }
-            let weight = 1.0 / (point.sigma_m * point.sigma_m).max(1e-8);
-            self.nodes.insert(
-                0,
-                Node {
-                    at: point.at,
-                    weight,
-                    station_m: 0.0,
-                },
-            );
-            self.restation();
+        joined.truncate(NODES_LIMIT);
+        drop_spikes(&mut joined);
+        if joined.len() >= 2 {
+            std::mem::swap(&mut self.nodes, &mut joined);
         }
+        self.scratch = joined;
+    }
+
+    /// A seen point pulled towards the remembered path by their weights.
+    fn blended(&self, point: &FloorPoint, place: &OnPath, options: &TrackOptions) -> Node {
+        let weight = 1.0 / (point.sigma_m * point.sigma_m).max(1e-8);
+        let unknown = place.beyond_m > 0.0 || place.offset_m.abs() > Self::gate_m(options, point.at);
+        let remembered = if unknown {
+            0.0
+        } else {
+            self.weight_at(place.station_m)
+        };
+        let part = remembered / (remembered + weight);
+        Node {
+            at: point.at - place.left * (place.offset_m * part),
+            weight: (weight + remembered).min(weight * options.sightings),
+            station_m: 0.0,
+        }
+    }
+
+    /// Weight of the remembered path at a station (1/m²); 0 in gaps.
+    fn weight_at(&self, station_m: f64) -> f64 {
+        let index = self.nodes.partition_point(|node| node.station_m <= station_m);
+        if index == 0 || index >= self.nodes.len() {
+            return 0.0;
+        }
+        let (a, b) = (self.nodes[index - 1], self.nodes[index]);
+        if b.station_m - a.station_m > GAP_M {
+            return 0.0;
+        }
+        a.weight.min(b.weight)
     }
 
     /// How much of the path is known ahead of a point (m).
@@ -606,30 +629,41 @@ impl Parabola {
     }
 }
 
-/// The nearest point on the seen polyline and its uncertainty; `None` beyond its ends.
-fn nearest_seen(seen: &[FloorPoint], at: Vec2) -> Option<(Vec2, f64)> {
-    let mut best = f64::INFINITY;
-    let mut found = None;
-    for (index, pair) in seen.windows(2).enumerate() {
-        let along = pair[1].at - pair[0].at;
-        let length_squared = along.length_squared();
-        if length_squared < 1e-12 {
-            continue;
+/// Whether nothing was seen between two neighbouring points.
+fn is_gap(before: &FloorPoint, after: &FloorPoint) -> bool {
+    (after.at - before.at).length() > GAP_M.max(3.0 * before.step_m.max(after.step_m))
+}
+
+/// Direction of the last 6 cm of what is seen.
+fn seen_end_direction(seen: &[FloorPoint]) -> Option<Vec2> {
+    let end = seen.last()?.at;
+    let from = seen.iter().rev().find(|point| (end - point.at).length() > 0.06);
+    (end - from.or(seen.first())?.at).try_normalize()
+}
+
+/// Removes nodes at which the path would turn by more than 70°: ragged ends of blobs, and joints of memory and sight
+/// that overlap. The lighter of the two neighbours goes.
+fn drop_spikes(nodes: &mut Vec<Node>) {
+    const COSINE: f64 = 0.34;
+    for _ in 0..8 {
+        let mut index = 1;
+        let before = nodes.len();
+        while index + 1 < nodes.len() {
+            let (a, b) = (
+                nodes[index].at - nodes[index - 1].at,
+                nodes[index + 1].at - nodes[index].at,
+            );
+            if a.dot(b) < COSINE * a.length() * b.length() {
+                let next_is_lighter = nodes[index + 1].weight < nodes[index].weight;
+                nodes.remove(if next_is_lighter { index + 1 } else { index });
+            } else {
+                index += 1;
+            }
         }
-        let part = (at - pair[0].at).dot(along) / length_squared;
-        let clamped = part.clamp(0.0, 1.0);
-        let foot = pair[0].at + along * clamped;
-        let distance = (at - foot).length_squared();
-        if distance < best {
-            best = distance;
-            let outside = (index == 0 && part < 0.0) || (index + 2 == seen.len() && part > 1.0);
-            // Between two dashes nothing is seen.
-            let gap = length_squared > 0.05 * 0.05;
-            let sigma_m = pair[0].sigma_m + (pair[1].sigma_m - pair[0].sigma_m) * clamped;
-            found = (!outside && !gap).then_some((foot, sigma_m));
+        if nodes.len() == before {
+            return;
         }
     }
-    found
 }
 
 /// Solves a symmetric 3x3 system by elimination with pivoting.
@@ -674,6 +708,7 @@ mod tests {
             .map(|i| FloorPoint {
                 at: shape(from + (to - from) * f64::from(i) / 30.0),
                 sigma_m: 0.003,
+                step_m: 0.01,
             })
             .collect()
     }
@@ -780,6 +815,20 @@ mod tests {
                 .abs()
                 < 1e-6
         );
+    }
+
+    #[test]
+    fn slow_driving_keeps_what_leaves_the_picture() {
+        // Regression: the nearest node was replaced by the nearest sighting in every frame, so that at less than half
+        // a spacing per frame nothing was ever remembered behind the picture's lower edge.
+        let options = TrackOptions::default();
+        let mut memory = PathMemory::default();
+        for _ in 0..100 {
+            memory.update(&points(|s| Vec2::new(s, 0.0), 0.11, 0.4), &options, |_| true);
+            memory.carry(Pose2::new(0.003, 0.0, 0.0), &options);
+        }
+        assert!(memory.points().next().unwrap().x < -0.1);
+        assert!((memory.length_m() - 0.54).abs() < 0.03, "{}", memory.length_m());
     }
 
     #[test]

@@ -64,6 +64,8 @@ pub(crate) struct FloorPoint {
     pub(crate) at: Vec2,
     /// How far it may be wrong sideways (m, one standard deviation, a guess from the pixel's size there).
     pub(crate) sigma_m: f64,
+    /// Distance to the next point that can be expected of an unbroken line (m).
+    pub(crate) step_m: f64,
 }
 
 /// A blob that may be a line, with its places on the floor.
@@ -75,8 +77,6 @@ pub(crate) struct Candidate {
     pub(crate) centroid: Vec2,
     /// Its place on the floor (vehicle frame, m), where it has one.
     pub(crate) centroid_on_floor: Option<Vec2>,
-    /// Orientation in the picture (rad), 0 = upright.
-    pub(crate) orientation_rad: f64,
     /// C9: the straight line through the centroid along the orientation.
     pub(crate) straight: Option<LineState>,
     /// Middle points on the floor from near to far.
@@ -113,6 +113,8 @@ const SMALLEST_SIDE_PX: usize = 16;
 const ROWS_LIMIT: usize = 40;
 /// A row of the blob this many times wider than the line should be is not across the line.
 const ROW_TOO_WIDE: f64 = 2.5;
+/// And a row this much narrower is the blob's ragged end.
+const ROW_TOO_NARROW: f64 = 0.4;
 /// C9's second point is this many rows up in an image of 240 rows.
 const SECOND_POINT_ROWS: f64 = 10.0;
 
@@ -256,10 +258,10 @@ impl Sight {
         let (width, height) = (eye.map.width() as f64, eye.map.height() as f64);
         floor.length() < self.options.range_m
             && eye.map.pixel(floor).is_some_and(|pixel| {
-                let margin = 0.06 * width;
+                let margin = 0.05 * width;
                 pixel.x > margin
                     && pixel.x < width - margin
-                    && pixel.y > 0.15 * height
+                    && pixel.y > 0.04 * height
                     && pixel.y < height - 2.0
             })
     }
@@ -307,7 +309,6 @@ fn describe(
 ) {
     candidate.score = blob.score;
     candidate.centroid = blob.centroid;
-    candidate.orientation_rad = blob.orientation_rad;
     let rows_up = SECOND_POINT_ROWS * map.height() as f64 / 240.0;
     let [first, second] = blob.two_points(rows_up);
     candidate.centroid_on_floor = map.floor(first);
@@ -319,7 +320,10 @@ fn describe(
     // Rows come from the top; nearer floor is further down.
     for row in blob.rows.iter().rev().step_by(every) {
         let expected = profile.at(row.v).max(1.0);
-        if row.at_edge || row.width_px > ROW_TOO_WIDE * expected + 1.0 {
+        if row.at_edge
+            || row.width_px > ROW_TOO_WIDE * expected + 1.0
+            || row.width_px < ROW_TOO_NARROW * expected
+        {
             continue;
         }
         let pixel = Vec2::new(row.u, row.v);
@@ -340,7 +344,8 @@ fn describe(
         last_u = Some(row.u);
         // Half a pixel, and what a wrong tilt of half a degree does at that distance.
         let sigma_m = 0.5 * (beside - at).length() + 0.01 * at.length();
-        candidate.points.push(FloorPoint { at, sigma_m });
+        let step_m = (above - at).length() * every as f64;
+        candidate.points.push(FloorPoint { at, sigma_m, step_m });
         candidate.pixels.push([row.u as f32, row.v as f32]);
     }
 }
