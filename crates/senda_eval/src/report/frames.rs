@@ -23,6 +23,16 @@ pub(super) struct Film {
     pub(super) caption: String,
 }
 
+/// What the first camera's frames take as recorded (bytes of base64).
+pub(super) fn size_of(recording: &Recording) -> usize {
+    recording
+        .steps
+        .iter()
+        .filter_map(|step| step.frames.first())
+        .map(|f| base64_len(f.encoded.bytes.len()))
+        .sum()
+}
+
 /// The first camera's frames of a recording, at most `budget_bytes` of base64.
 pub(super) fn film(recording: &Recording, budget_bytes: usize) -> Film {
     let with_frame: Vec<(usize, &Step)> = recording
@@ -32,10 +42,7 @@ pub(super) fn film(recording: &Recording, budget_bytes: usize) -> Film {
         .filter(|(_, step)| !step.frames.is_empty())
         .collect();
     let mut size = None;
-    let original: usize = with_frame
-        .iter()
-        .map(|(_, step)| base64_len(step.frames[0].encoded.bytes.len()))
-        .sum();
+    let original = size_of(recording);
     let fits = original <= budget_bytes && with_frame.len() <= MOST_FRAMES;
     let mut stride = 1;
     if !fits && !with_frame.is_empty() {

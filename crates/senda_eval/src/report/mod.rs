@@ -27,16 +27,19 @@ use senda_core::{Encoded, Image, ImageFormat, Shape};
 
 /// A report of one or several runs.
 pub fn html(page: &Page, runs: &[ReportRun]) -> String {
-    let share = page.frame_budget_bytes / runs.len().max(1);
     let sections = if runs.len() > 1 {
         vec![run::comparison(runs)]
     } else {
         Vec::new()
     };
+    // Space in proportion to need, so that all runs play at about the same frame rate.
+    let needs: Vec<usize> = runs.iter().map(|run| frames::size_of(run.recording)).collect();
+    let need = needs.iter().sum::<usize>().max(1);
+    let share = |i: usize| (page.frame_budget_bytes as f64 * needs[i] as f64 / need as f64).ceil() as usize;
     let runs = runs
         .iter()
         .enumerate()
-        .map(|(i, run)| run::section(run, i, share))
+        .map(|(i, run)| run::section(run, i, share(i)))
         .collect();
     page::render(page, runs, sections)
 }

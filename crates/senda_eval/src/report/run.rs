@@ -134,16 +134,16 @@ pub(super) fn section_with(
 pub(super) fn comparison(runs: &[ReportRun]) -> Section {
     let columns = [
         "run",
+        "result",
         "floor",
         "light",
         "speed",
         "laps",
-        "result",
         "left",
         "lost",
-        "lane error mean",
+        "lane error",
         "max",
-        "heading error mean",
+        "heading error",
         "max",
         "lap time",
     ];
@@ -152,11 +152,11 @@ pub(super) fn comparison(runs: &[ReportRun]) -> Section {
         let s = run.summary;
         let cells = vec![
             title(run),
+            s.verdict().0,
             s.floor.clone(),
             s.light.clone(),
             or_dash(s.speed_mps.map(text::speed)),
             s.laps.to_string(),
-            s.verdict().0,
             s.departures.to_string(),
             s.lost.to_string(),
             or_dash(s.lane_error_mean_m.map(text::length)),
@@ -173,7 +173,7 @@ pub(super) fn comparison(runs: &[ReportRun]) -> Section {
     let table = Table {
         caption: "Means per metre of road. Left: how often the vehicle left the corridor. Lost: how often the driver lost sight of the line or lane.".into(),
         columns: columns.map(String::from).to_vec(),
-        words: 3,
+        words: 4,
         rows: rows.collect(),
     };
     Section {
