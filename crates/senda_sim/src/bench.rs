@@ -1,6 +1,6 @@
 //! What `senda bench` measures of this crate. Nothing here reads a clock: the caller calls and times.
 
-use crate::render::{Optics, Renderer, Scene, Shot};
+use crate::render::{Optics, Renderer, Scene, Sharpness, Shot};
 use crate::{Images, SimError, SimOptions, Simulator};
 use senda_core::{Command, Image, Observation, Vehicle};
 use senda_geom::{Camera, Lens, Mounting, Pose2};
@@ -32,6 +32,11 @@ pub fn cases() -> Result<Vec<Case>, SimError> {
         blur_px: 0.7,
         ..Optics::default()
     };
+    let single = |optics: Optics| Optics {
+        sharpness: Sharpness::Single,
+        ..optics
+    };
+    let plain = Optics::default();
     let mut cases = vec![
         frames(
             "frame 320x160, any lens, full light",
@@ -42,11 +47,20 @@ pub fn cases() -> Result<Vec<Case>, SimError> {
             true,
         ),
         frames(
-            "frame 320x160, pinhole",
+            "the same, one look a pixel",
+            2500.0,
+            &wide,
+            &scene,
+            &single(full),
+            true,
+        ),
+        frames("frame 320x160, pinhole", 0.0, &camera(), &matt, &plain, false),
+        frames(
+            "pinhole, one look a pixel",
             8000.0,
             &camera(),
             &matt,
-            &Optics::default(),
+            &single(plain),
             false,
         ),
     ];

@@ -102,12 +102,12 @@ impl SimOptions {
             ("start.offset_m", offset_m),
             ("start.heading_rad", heading_rad),
         ] {
-            if !(value.abs() < 1e6) {
+            if !(-1e6..1e6).contains(&value) {
                 return wrong(key, "a number", value, "check where it was computed");
             }
         }
         if let Some(duration_s) = self.duration_s
-            && !(duration_s >= 0.0)
+            && !(0.0..=1e9).contains(&duration_s)
         {
             return wrong(
                 "duration_s",

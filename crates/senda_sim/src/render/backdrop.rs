@@ -125,11 +125,13 @@ impl Backdrop {
         let at = row * (MIRROR_COLUMNS + 1) + left;
         let below = &self.mirror[at..at + 2];
         let above = &self.mirror[at + MIRROR_COLUMNS + 1..][..2];
-        [0, 1, 2].map(|c| {
+        let mut light = [0.0; 3];
+        for c in 0..3 {
             let low = below[0][c] + (below[1][c] - below[0][c]) * across;
             let high = above[0][c] + (above[1][c] - above[0][c]) * across;
-            low + (high - low) * part
-        })
+            light[c] = low + (high - low) * part;
+        }
+        light
     }
 }
 

@@ -1,81 +1,100 @@
 //! Blur of a lens that is not quite in focus.
 
-use super::kernel::Colours;
+use super::kernel::{Colours, GROUP, Kernel};
 
-/// A Gaussian as repeated passes of three taps, across and down.
-#[derive(Debug, Clone, Copy)]
+/// A Gaussian as a chain of passes of three taps, across and down. Rows go in at one end and come out at the other,
+/// so that only a few rows are in work.
+#[derive(Debug, Clone)]
 pub(super) struct LensBlur {
-    passes: u32,
-    /// Weight of each neighbour (Q15); the middle keeps the rest.
+    /// Weight of both neighbours together (Q15).
     weight: i16,
+    passes: Vec<Pass>,
 }
 
-/// Variance (px²) of one pass at most: neighbours of 0.3 still fall off smoothly.
+#[derive(Debug, Clone)]
+struct Pass {
+    /// The rows before the latest and the latest, blurred across, and room for the next.
+    rows: [Vec<Colours>; 3],
+    out: Vec<Colours>,
+    seen: usize,
+}
+
+/// Variance (px²) of one pass at most: neighbours of 0.3 each still fall off smoothly.
 const MOST_VARIANCE: f64 = 0.6;
 
 impl LensBlur {
-    pub(super) fn new(sigma_px: f64) -> Self {
+    /// Of a standard deviation (px), for rows of `groups` groups.
+    pub(super) fn new(sigma_px: f64, groups: usize) -> Self {
         let variance = sigma_px * sigma_px;
-        if variance < 0.02 {
-            return Self { passes: 0, weight: 0 };
-        }
-        let passes = (variance / MOST_VARIANCE).ceil().min(64.0);
+        let passes = if variance < 0.02 {
+            0.0
+        } else {
+            (variance / MOST_VARIANCE).ceil().min(64.0)
+        };
         // Two neighbours of weight w at distance 1 have variance 2w.
-        let weight = (variance / passes).min(MOST_VARIANCE) / 2.0;
+        let weight = (variance / passes.max(1.0)).min(MOST_VARIANCE);
+        let row = || vec![[0; 4 * GROUP]; groups];
         Self {
-            passes: passes as u32,
             weight: (weight * 32_768.0).round() as i16,
+            passes: (0..passes as usize)
+                .map(|_| Pass {
+                    rows: [row(), row(), row()],
+                    out: row(),
+                    seen: 0,
+                })
+                .collect(),
         }
     }
 
-    pub(super) fn is_sharp(self) -> bool {
-        self.passes == 0
+    /// Takes the next row of a picture and hands finished rows, from the top, to `finished`.
+    pub(super) fn push(&mut self, kernel: Kernel, row: &[Colours], finished: &mut impl FnMut(&[Colours])) {
+        self.push_into(0, kernel, row, finished);
     }
 
-    /// Blurs a picture of rows of `groups` groups; the edges repeat.
-    pub(super) fn apply(self, colours: &mut [Colours], groups: usize) {
-        for _ in 0..self.passes {
-            for row in colours.chunks_exact_mut(groups) {
-                self.across(row.as_flattened_mut());
+    /// After the last row of a picture: finishes what is in work.
+    pub(super) fn flush(&mut self, kernel: Kernel, finished: &mut impl FnMut(&[Colours])) {
+        for first in 0..self.passes.len() {
+            let pass = &mut self.passes[first];
+            let [above, here, _] = &pass.rows;
+            kernel.blur_down([above, here, here], self.weight, &mut pass.out);
+            pass.seen = 0;
+            let out = std::mem::take(&mut pass.out);
+            self.push_into(first + 1, kernel, &out, finished);
+            self.passes[first].out = out;
+        }
+    }
+
+    fn push_into(
+        &mut self,
+        first: usize,
+        kernel: Kernel,
+        row: &[Colours],
+        finished: &mut impl FnMut(&[Colours]),
+    ) {
+        for index in first..self.passes.len() {
+            let (before, rest) = self.passes.split_at_mut(index);
+            let pass = &mut rest[0];
+            let row = if index == first {
+                row
+            } else {
+                &before[index - 1].out
+            };
+            let [above, here, below] = &mut pass.rows;
+            kernel.blur_across(row, self.weight, below);
+            if pass.seen == 0 {
+                // The edge repeats.
+                above.copy_from_slice(below);
+                here.copy_from_slice(below);
+                pass.seen = 1;
+                return;
             }
-            self.down(colours.as_flattened_mut(), groups * size_of::<Colours>() / 2);
+            kernel.blur_down([above, here, below], self.weight, &mut pass.out);
+            pass.rows.rotate_left(1);
         }
-    }
-
-    fn across(self, row: &mut [i16]) {
-        let mut left: [i16; 4] = [row[0], row[1], row[2], row[3]];
-        let count = row.len() / 4;
-        for i in 0..count {
-            let right = 4 * (i + 1).min(count - 1);
-            for c in 0..4 {
-                let here = row[4 * i + c];
-                row[4 * i + c] = self.mixed(left[c], here, row[right + c]);
-                left[c] = here;
-            }
+        match self.passes.last() {
+            Some(last) if first < self.passes.len() => finished(&last.out),
+            _ => finished(row),
         }
-    }
-
-    fn down(self, colours: &mut [i16], stride: usize) {
-        let rows = colours.len() / stride;
-        // Each column block carries its row above; blocks of one group keep that in registers.
-        for block in (0..stride).step_by(32) {
-            let mut above = [0i16; 32];
-            above.copy_from_slice(&colours[block..block + 32]);
-            for v in 0..rows {
-                let below = (v + 1).min(rows - 1) * stride + block;
-                for i in 0..32 {
-                    let here = colours[v * stride + block + i];
-                    colours[v * stride + block + i] = self.mixed(above[i], here, colours[below + i]);
-                    above[i] = here;
-                }
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn mixed(self, a: i16, here: i16, b: i16) -> i16 {
-        let around = i32::from(a) + i32::from(b) - 2 * i32::from(here);
-        (i32::from(here) + ((around * i32::from(self.weight) + 16_384) >> 15)) as i16
     }
 }
 
@@ -85,14 +104,20 @@ mod tests {
 
     #[test]
     fn a_point_spreads_to_the_promised_width() {
-        for sigma in [0.4, 0.8, 1.5] {
-            let blur = LensBlur::new(sigma);
+        for sigma in [0.0, 0.4, 0.7, 1.5] {
             let (groups, rows) = (4, 33);
+            let mut blur = LensBlur::new(sigma, groups);
             let mut picture = vec![[0i16; 32]; groups * rows];
             picture.as_flattened_mut()[(16 * 32 + 16) * 4] = 30_000;
-            blur.apply(&mut picture, groups);
+            let mut blurred: Vec<i16> = Vec::new();
+            let mut finished = |row: &[Colours]| blurred.extend(row.as_flattened());
+            for row in picture.chunks(groups) {
+                blur.push(Kernel::Portable, row, &mut finished);
+            }
+            blur.flush(Kernel::Portable, &mut finished);
+            assert_eq!(blurred.len(), 32 * groups * rows);
             let (mut sum, mut across, mut down) = (0.0, 0.0, 0.0);
-            for (i, value) in picture.as_flattened().iter().step_by(4).enumerate() {
+            for (i, value) in blurred.iter().step_by(4).enumerate() {
                 let (du, dv) = ((i % 32) as f64 - 16.0, (i / 32) as f64 - 16.0);
                 let value = f64::from(*value);
                 sum += value;

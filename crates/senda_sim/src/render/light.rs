@@ -2,7 +2,7 @@
 //! grid of one node every eight pixels.
 
 use super::backdrop::Backdrop;
-use super::kernel::{GAIN_ONE, GLOW_ONE, GROUP};
+use super::kernel::{GAIN_ONE, GLOW_ONE, GROUP, LightNode, middle};
 use senda_geom::{Camera, Pose2, Vec2, trig};
 
 /// Reflectance of a polished dielectric seen from straight above (refractive index 1.5).
@@ -27,14 +27,12 @@ pub struct MirroredLamp {
 /// The grid of a camera with everything that does not change from frame to frame.
 #[derive(Debug, Clone)]
 pub(super) struct LightGrid {
-    pub(super) columns: usize,
+    columns: usize,
     nodes: Vec<Node>,
     /// Squared spread of mirror images, at least as wide as the grid can show.
     spread_squared: f32,
-    /// Gains of the present frame, row by row.
-    pub(super) gain: Vec<[i16; 4]>,
-    /// Reflected light of the present frame.
-    pub(super) glow: Vec<[i16; 4]>,
+    /// Gains and reflected light of the present frame, row by row.
+    lights: Vec<LightNode>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -87,11 +85,17 @@ impl LightGrid {
         let spread = ROUGHNESS_RAD.max(0.7 * GROUP as f64 * pitch_rad);
         Self {
             columns,
-            gain: vec![[0; 4]; nodes.len()],
-            glow: vec![[0; 4]; nodes.len()],
+            lights: vec![[0; 8]; nodes.len()],
             nodes,
             spread_squared: (spread * spread) as f32,
         }
+    }
+
+    /// The nodes above and below row `v` of the image, and how far (Q15) it lies between them.
+    pub(super) fn around(&self, v: usize) -> (&[LightNode], &[LightNode], i16) {
+        let from = v / GROUP * self.columns;
+        let (above, below) = self.lights[from..from + 2 * self.columns].split_at(self.columns);
+        (above, below, middle(v % GROUP))
     }
 
     /// Exposes: `gain` is the factor on light for R, G, B. Without a backdrop nothing is reflected.
@@ -104,13 +108,13 @@ impl LightGrid {
     ) {
         let encoded = gain.map(|value| value.max(0.0).sqrt());
         let scale = encoded.map(|value| (value * GAIN_ONE) as f32);
-        for (out, node) in self.gain.iter_mut().zip(&self.nodes) {
+        for (out, node) in self.lights.iter_mut().zip(&self.nodes) {
+            *out = [0; 8];
             for c in 0..3 {
                 out[c] = limited(scale[c] * node.vignette);
             }
         }
         let Some(backdrop) = backdrop else {
-            self.glow.fill([0; 4]);
             return;
         };
         let scale = encoded.map(|value| (value * 255.0 * GLOW_ONE) as f32);
@@ -128,16 +132,16 @@ impl LightGrid {
                 radiance: lamp.radiance.map(|value| value as f32),
             };
         }
-        for (out, node) in self.glow.iter_mut().zip(&self.nodes) {
+        for (out, node) in self.lights.iter_mut().zip(&self.nodes) {
             let mut light = backdrop.mirrored(node.column + turned, node.row);
             for lamp in &near[..count] {
                 let shine = lamp.shine(node, self.spread_squared);
-                for c in 0..3 {
-                    light[c] += lamp.radiance[c] * shine;
+                for (light, radiance) in light.iter_mut().zip(lamp.radiance) {
+                    *light += radiance * shine;
                 }
             }
             for c in 0..3 {
-                out[c] = limited(scale[c] * (node.fresnel * light[c]).sqrt() * node.vignette);
+                out[c + 4] = limited(scale[c] * (node.fresnel * light[c]).sqrt() * node.vignette);
             }
         }
     }

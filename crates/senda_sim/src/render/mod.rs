@@ -21,9 +21,7 @@ pub use scene::Scene;
 pub use texture::MipTexture;
 
 use blur::LensBlur;
-use kernel::{
-    Colours, GROUP, LEVELS, Look, Looks, MOST_LOOKS_LOG2, STEPS_PER_TEXEL, Shading, between, middle,
-};
+use kernel::{Colours, GROUP, LEVELS, Look, Looks, MOST_LOOKS_LOG2, STEPS_PER_TEXEL, Shading, Texels};
 use light::LightGrid;
 use noise::NoiseTile;
 use rays::{RayTable, Shows};
@@ -108,13 +106,9 @@ pub struct Renderer {
     noise: NoiseTile,
     blur: LensBlur,
     metres_per_texel: f64,
-    /// Finest size of a pixel on the floor (m), for motion blur.
-    finest_m: f64,
     sees_backdrop: bool,
     colours: Vec<Colours>,
     behind: Vec<Colours>,
-    gain_row: Vec<[i16; 4]>,
-    glow_row: Vec<[i16; 4]>,
     faces: Vec<upright::Ready>,
 }
 
@@ -137,22 +131,17 @@ impl Renderer {
         );
         let groups = table.groups_per_row;
         let light = LightGrid::new(camera, optics.vignetting, table.pitch_rad);
-        let blur = LensBlur::new(optics.blur_px);
-        let rows = if blur.is_sharp() { 1 } else { table.height };
         Self {
             camera: camera.clone(),
             kernel: Kernel::fastest(),
-            finest_m: table.finest_m,
             sees_backdrop: !table.backdrop.is_empty(),
             noise: NoiseTile::new(groups * GROUP),
-            colours: vec![[0; 4 * GROUP]; groups * rows],
+            colours: vec![[0; 4 * GROUP]; groups],
             behind: vec![[0; 4 * GROUP]; groups],
-            gain_row: vec![[0; 4]; light.columns],
-            glow_row: vec![[0; 4]; light.columns],
             faces: Vec::with_capacity(scene.uprights().len()),
             table,
             light,
-            blur,
+            blur: LensBlur::new(optics.blur_px, groups),
             metres_per_texel,
         }
     }
@@ -195,124 +184,123 @@ impl Renderer {
             &mut self.faces,
         );
         let looks_log2 = self.looks_for(&shot.motion);
-        let floor_looks = floor_looks(scene, shot);
-        let backdrop_looks = backdrop_looks(shot);
-        let groups = self.table.groups_per_row;
-        if self.blur.is_sharp() {
-            for v in 0..self.table.height {
-                let mut colours = std::mem::take(&mut self.colours);
-                self.sample_row(
-                    scene,
-                    v,
-                    (&floor_looks, &backdrop_looks, looks_log2),
-                    &mut colours,
-                );
-                self.shade_row(v, &colours, &shot.noise, image.row_mut(v));
-                self.colours = colours;
-            }
-        } else {
-            let mut colours = std::mem::take(&mut self.colours);
-            for (v, row) in colours.chunks_exact_mut(groups).enumerate() {
-                self.sample_row(scene, v, (&floor_looks, &backdrop_looks, looks_log2), row);
-            }
-            self.blur.apply(&mut colours, groups);
-            for (v, row) in colours.chunks_exact(groups).enumerate() {
-                self.shade_row(v, row, &shot.noise, image.row_mut(v));
-            }
-            self.colours = colours;
-        }
-    }
-
-    /// Looks up the colours of row `v`.
-    fn sample_row(
-        &mut self,
-        scene: &Scene,
-        v: usize,
-        (floor_looks, backdrop_looks, looks_log2): (&Looks, &Looks, u32),
-        row: &mut [Colours],
-    ) {
-        let (table, kernel) = (&self.table, self.kernel);
-        let floor = &table.floor[v * table.groups_per_row..(v + 1) * table.groups_per_row];
-        for run in &table.runs[table.row_runs[v]..table.row_runs[v + 1]] {
-            let groups = run.first..run.end;
-            let entries = run.backdrop..run.backdrop + groups.len();
-            if run.shows != Shows::Backdrop {
-                let texels = scene.ground().texels();
-                kernel.sample(
-                    texels,
-                    floor_looks,
-                    looks_log2,
-                    &floor[groups.clone()],
-                    &mut row[groups.clone()],
-                );
-            }
-            if run.shows != Shows::Floor {
-                let texels = scene.backdrop().panorama().texels();
-                let out = match run.shows {
-                    Shows::Both => &mut self.behind[groups.clone()],
-                    _ => &mut row[groups.clone()],
-                };
-                kernel.sample(
-                    texels,
-                    backdrop_looks,
-                    looks_log2,
-                    &table.backdrop[entries.clone()],
-                    out,
-                );
-            }
-            if run.shows == Shows::Both {
-                let parts = &table.floor_part[entries];
-                let colours = row[groups.clone()].iter_mut().zip(&self.behind[groups]);
-                for ((front, behind), parts) in colours.zip(parts) {
-                    for i in 0..4 * GROUP {
-                        let (a, b) = (i32::from(front[i]), i32::from(behind[i]));
-                        front[i] = (b + (((a - b) * i32::from(parts[i / 4])) >> 7)) as i16;
-                    }
-                }
-            }
-        }
-        upright::draw_row(scene.uprights(), &self.faces, table, v, row);
-    }
-
-    /// Exposes the colours of row `v`.
-    fn shade_row(&mut self, v: usize, colours: &[Colours], noise: &Noise, out: &mut [u8]) {
-        let columns = self.light.columns;
-        let above = v / GROUP * columns;
-        let part = middle(v % GROUP);
-        for (grid, row) in [
-            (&self.light.gain, &mut self.gain_row),
-            (&self.light.glow, &mut self.glow_row),
-        ] {
-            between(
-                &grid[above..above + columns],
-                &grid[above + columns..above + 2 * columns],
-                part,
-                row,
-            );
-        }
-        // 64 a grey level at most 30: far beyond any camera, and within 16 bits.
-        let steps = |level: f64| (level.clamp(0.0, 30.0) * 64.0).round();
-        let fall = (steps(noise.dark) - steps(noise.bright)) * 32_768.0 / 4080.0;
-        let shading = Shading {
-            gain: &self.gain_row,
-            glow: &self.glow_row,
-            noise: self.noise.row(noise.seed, v),
-            noise_dark: steps(noise.dark) as i16,
-            noise_fall: fall.round() as i16,
+        let (floor, backdrop) = (floor_looks(scene, shot), backdrop_looks(shot));
+        let mut sampler = Sampler {
+            kernel: self.kernel,
+            table: &self.table,
+            scene,
+            ground: scene.ground().texels(),
+            floor: &floor,
+            backdrop: &backdrop,
+            looks_log2,
+            behind: &mut self.behind,
+            faces: &self.faces,
         };
-        self.kernel.shade(colours, &shading, out);
+        let (kernel, light, tile) = (self.kernel, &self.light, &self.noise);
+        let noise = NoiseSteps::new(&shot.noise);
+        let mut rows = (0..).zip(image.pixels_mut().chunks_exact_mut(3 * self.table.width));
+        let mut shade = |colours: &[Colours]| {
+            let Some((v, out)) = rows.next() else { return };
+            let (above, below, part) = light.around(v);
+            let shading = Shading {
+                above,
+                below,
+                part,
+                noise: tile.row(shot.noise.seed, v),
+                noise_dark: noise.dark,
+                noise_fall: noise.fall,
+            };
+            kernel.shade(colours, &shading, out);
+        };
+        for v in 0..self.table.height {
+            sampler.row(v, &mut self.colours);
+            self.blur.push(kernel, &self.colours, &mut shade);
+        }
+        self.blur.flush(kernel, &mut shade);
     }
 
     /// Logarithm (base 2) of the looks that motion during the exposure needs: about one a pixel of smear, 8 at most.
     fn looks_for(&self, motion: &Motion) -> u32 {
         let smear_px = motion.exposure_s
-            * (motion.speed_mps.abs() / self.finest_m + motion.yaw_rate_radps.abs() / self.table.pitch_rad);
+            * (motion.speed_mps.abs() / self.table.finest_m
+                + motion.yaw_rate_radps.abs() / self.table.pitch_rad);
         match smear_px {
             px if px < 0.75 => 0,
             px if px < 2.0 => 1,
             px if px < 6.0 => 2,
             _ => MOST_LOOKS_LOG2,
         }
+    }
+}
+
+/// Noise as the pixel loops take it.
+struct NoiseSteps {
+    dark: i16,
+    fall: i16,
+}
+
+impl NoiseSteps {
+    fn new(noise: &Noise) -> Self {
+        // 64 a grey level, at most 30 of them: far beyond any camera, and within 16 bits.
+        let steps = |level: f64| (level.clamp(0.0, 30.0) * 64.0).round();
+        let fall = (steps(noise.dark) - steps(noise.bright)) * 32_768.0 / 4080.0;
+        Self {
+            dark: steps(noise.dark) as i16,
+            fall: fall.round() as i16,
+        }
+    }
+}
+
+/// Looks up colours for one frame.
+struct Sampler<'a> {
+    kernel: Kernel,
+    table: &'a RayTable,
+    scene: &'a Scene,
+    ground: Texels<'a>,
+    floor: &'a Looks,
+    backdrop: &'a Looks,
+    looks_log2: u32,
+    /// Room for what is behind the floor's edge.
+    behind: &'a mut [Colours],
+    faces: &'a [upright::Ready],
+}
+
+impl Sampler<'_> {
+    /// The colours of row `v`.
+    fn row(&mut self, v: usize, row: &mut [Colours]) {
+        let table = self.table;
+        let floor = &table.floor[v * table.groups_per_row..(v + 1) * table.groups_per_row];
+        for run in &table.runs[table.row_runs[v]..table.row_runs[v + 1]] {
+            let groups = run.first..run.end;
+            let entries = run.backdrop..run.backdrop + groups.len();
+            let row = &mut row[groups.clone()];
+            if run.shows != Shows::Backdrop {
+                let floor = &floor[groups.clone()];
+                self.kernel
+                    .sample(self.ground, self.floor, self.looks_log2, floor, row);
+            }
+            if run.shows == Shows::Floor {
+                continue;
+            }
+            let room = self.scene.backdrop().panorama().texels();
+            let rays = &table.backdrop[entries.clone()];
+            if run.shows == Shows::Backdrop {
+                self.kernel
+                    .sample(room, self.backdrop, self.looks_log2, rays, row);
+                continue;
+            }
+            let behind = &mut self.behind[groups];
+            self.kernel
+                .sample(room, self.backdrop, self.looks_log2, rays, behind);
+            let parts = &table.floor_part[entries];
+            for ((front, behind), parts) in row.iter_mut().zip(behind).zip(parts) {
+                for i in 0..4 * GROUP {
+                    let (a, b) = (i32::from(front[i]), i32::from(behind[i]));
+                    front[i] = (b + (((a - b) * i32::from(parts[i / 4])) >> 7)) as i16;
+                }
+            }
+        }
+        upright::draw_row(self.scene.uprights(), self.faces, table, v, row);
     }
 }
 

@@ -1,11 +1,11 @@
 //! Textures with levels of detail.
 
-use super::kernel::{LEVELS, LevelLayout, STEPS_PER_TEXEL, Texels};
+use super::kernel::{LEVELS, LevelLayout, STEPS_PER_TEXEL, STRIDE, STRIP, Texel, Texels};
 
 /// A picture of a plane in halving sizes, each with a border of one colour: looks beyond the edge see that colour.
 #[derive(Debug, Clone)]
 pub struct MipTexture {
-    texels: Vec<u32>,
+    texels: Vec<Texel>,
     layouts: [LevelLayout; LEVELS],
     levels: usize,
 }
@@ -27,41 +27,24 @@ impl MipTexture {
         let pack = |[r, g, b, a]: [u8; 4]| u32::from_le_bytes([r, g, b, gloss[usize::from(a)]]);
         let outside = pack(outside);
         let sizes = sizes(width, height);
-        let total: usize = sizes.iter().map(|&(w, h)| padded(w) * padded(h)).sum();
-        let mut all = vec![outside; total];
+        let total: usize = sizes.iter().map(|&(w, h)| strips(w) * strip(h)).sum();
+        let mut all: Vec<Texel> = Vec::with_capacity(total);
         let mut layouts = [LevelLayout::default(); LEVELS];
         let mut base = 0;
+        let mut here: Vec<u32> = texels.iter().map(|texel| pack(*texel)).collect();
         for (level, &(w, h)) in sizes.iter().enumerate() {
-            let stride = padded(w);
-            if level == 0 {
-                for (y, row) in texels.chunks_exact(w).enumerate() {
-                    let from = (y + BORDER) * stride + BORDER;
-                    for (out, texel) in all[from..from + w].iter_mut().zip(row) {
-                        *out = pack(*texel);
-                    }
-                }
-            } else {
-                let finer = layouts[level - 1];
-                let (above, here) = all.split_at_mut(base);
-                for y in 0..h {
-                    let first = finer.base as usize + (2 * y + BORDER) * finer.stride as usize + BORDER;
-                    // The finer border of 2 on the high sides covers odd sizes.
-                    let upper = &above[first..first + 2 * w];
-                    let lower = &above[first + finer.stride as usize..][..2 * w];
-                    let from = (y + BORDER) * stride + BORDER;
-                    let pairs = upper.chunks_exact(2).zip(lower.chunks_exact(2));
-                    for (out, (u, l)) in here[from..from + w].iter_mut().zip(pairs) {
-                        *out = average(u[0], u[1], l[0], l[1]);
-                    }
-                }
+            if level > 0 {
+                let (finer_width, finer_height) = sizes[level - 1];
+                here = halved(&here, finer_width, finer_height, outside);
             }
             let limit = |side: usize| ((padded(side) - 2) as f64 * STEPS_PER_TEXEL + 127.0) as f32;
             layouts[level] = LevelLayout {
                 base: base as u32,
-                stride: stride as u32,
+                strip: strip(h) as u32,
                 limit: [limit(w), limit(h)],
             };
-            base += padded(w) * padded(h);
+            fill_strips(&here, w, h, outside, &mut all);
+            base += strips(w) * strip(h);
         }
         for level in sizes.len()..LEVELS {
             layouts[level] = layouts[sizes.len() - 1];
@@ -94,22 +77,78 @@ impl MipTexture {
         let at = |value: f32, limit: f32| (value * shrink + Self::ORIGIN as f32).max(0.0).min(limit) as u32;
         let (x, y) = (at(x, layout.limit[0]), at(y, layout.limit[1]));
         let (fx, fy) = ((x & 127) as i32, (y & 127) as i32);
-        let index = (layout.base + (y >> 7) * layout.stride + (x >> 7)) as usize;
-        let row = |from: usize| {
-            let (a, b) = (
-                self.texels[from].to_le_bytes(),
-                self.texels[from + 1].to_le_bytes(),
-            );
-            [0, 1, 2].map(|c| i32::from(a[c]) * (127 - fx) + i32::from(b[c]) * fx)
-        };
-        let (upper, lower) = (row(index), row(index + layout.stride as usize));
-        [0, 1, 2].map(|c| (upper[c] * (128 - fy) + lower[c] * fy) >> 7)
+        let index = layout.index(x >> 7, y >> 7);
+        let (left, right) = (
+            self.texels[index].to_le_bytes(),
+            self.texels[index + 1].to_le_bytes(),
+        );
+        let row = |at: usize, c: usize| i32::from(left[at + c]) * (127 - fx) + i32::from(right[at + c]) * fx;
+        [0, 1, 2].map(|c| (row(0, c) * (128 - fy) + row(4, c) * fy) >> 7)
     }
 }
 
 /// Room for the border: 1 before, 2 after.
 fn padded(side: usize) -> usize {
     side + BORDER + 2
+}
+
+/// Strips of a level.
+fn strips(width: usize) -> usize {
+    padded(width).div_ceil(STRIP)
+}
+
+/// Texels of a strip.
+fn strip(height: usize) -> usize {
+    padded(height) * STRIDE
+}
+
+/// Appends a level as strips, with its border.
+fn fill_strips(texels: &[u32], width: usize, height: usize, outside: u32, out: &mut Vec<Texel>) {
+    let row_of = |y: usize| {
+        let y = y.wrapping_sub(BORDER);
+        (y < height).then(|| &texels[y * width..(y + 1) * width])
+    };
+    for first in (0..strips(width)).map(|number| number * STRIP) {
+        let columns = |row: Option<&[u32]>| {
+            let mut strip = [outside; STRIDE];
+            // Columns of the texture that this strip and its copy of the next one's first show.
+            let from = first.max(BORDER) - BORDER;
+            let to = (first + STRIDE - BORDER).min(width);
+            if let Some(row) = row
+                && from < to
+            {
+                let at = from + BORDER - first;
+                strip[at..at + to - from].copy_from_slice(&row[from..to]);
+            }
+            strip
+        };
+        let mut here = columns(row_of(0));
+        for y in 1..=padded(height) {
+            let below = columns(row_of(y));
+            let pairs = here.iter().zip(&below);
+            out.extend(pairs.map(|(upper, lower)| Texel::from(*upper) | Texel::from(*lower) << 32));
+            here = below;
+        }
+    }
+}
+
+/// Half the size, rounded up; what is missing at odd edges is `outside`.
+fn halved(texels: &[u32], width: usize, height: usize, outside: u32) -> Vec<u32> {
+    let mut out = Vec::with_capacity(width.div_ceil(2) * height.div_ceil(2));
+    let missing = vec![outside; width];
+    for y in (0..height).step_by(2) {
+        let upper = &texels[y * width..(y + 1) * width];
+        let lower = if y + 1 < height {
+            &texels[(y + 1) * width..(y + 2) * width]
+        } else {
+            &missing
+        };
+        for (u, l) in upper.chunks(2).zip(lower.chunks(2)) {
+            let last = |pair: &[u32]| pair.get(1).copied().unwrap_or(outside);
+            out.push(average(u[0], last(u), l[0], last(l)));
+        }
+    }
+    out
 }
 
 /// Halving until one texel is left, rounding up.

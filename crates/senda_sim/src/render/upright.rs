@@ -248,7 +248,7 @@ pub(super) fn draw_row(faces: &[Upright], ready: &[Ready], table: &RayTable, v: 
                 let old = i32::from(out[c]);
                 out[c] = (old + (((colour[c] - old) * part) >> 8)) as i16;
             }
-            out[3] = (i32::from(out[3]) * (256 - part) >> 8) as i16;
+            out[3] = ((i32::from(out[3]) * (256 - part)) >> 8) as i16;
         }
     }
 }

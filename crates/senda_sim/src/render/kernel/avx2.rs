@@ -1,19 +1,9 @@
 //! The pixel loops with 256-bit vectors. Every step mirrors `portable.rs`, bit for bit; tests compare them.
 
-use super::{Colours, GROUP, Group, Looks, Shading, Texels, middle};
-use std::arch::x86_64::{
-    __m128i, __m256i, _mm_cvtsi32_si128, _mm_loadl_epi64, _mm_storel_epi64, _mm_storeu_si128,
-    _mm_unpacklo_epi64, _mm256_add_epi16, _mm256_add_epi32, _mm256_add_ps, _mm256_and_si256,
-    _mm256_castsi128_si256, _mm256_castsi256_si128, _mm256_cvttps_epi32, _mm256_extracti128_si256,
-    _mm256_inserti128_si256, _mm256_load_ps, _mm256_loadu_si256, _mm256_madd_epi16, _mm256_maddubs_epi16,
-    _mm256_max_epi16, _mm256_max_ps, _mm256_min_epi16, _mm256_min_ps, _mm256_mul_ps, _mm256_mulhi_epu16,
-    _mm256_mulhrs_epi16, _mm256_mullo_epi32, _mm256_packs_epi32, _mm256_packus_epi16,
-    _mm256_permute2x128_si256, _mm256_permute4x64_epi64, _mm256_permutevar8x32_epi32, _mm256_set1_epi16,
-    _mm256_set1_epi32, _mm256_set1_epi64x, _mm256_set1_ps, _mm256_setr_epi8, _mm256_setr_epi16,
-    _mm256_setr_epi32, _mm256_setzero_ps, _mm256_setzero_si256, _mm256_shuffle_epi8, _mm256_shuffle_epi32,
-    _mm256_slli_epi32, _mm256_sra_epi32, _mm256_srai_epi16, _mm256_srli_epi32, _mm256_storeu_si256,
-    _mm256_sub_epi16, _mm256_sub_epi32, _mm256_sub_ps, _mm256_unpackhi_epi8, _mm256_unpacklo_epi8,
+use super::{
+    Colours, GROUP, Group, LevelLayout, LightNode, Look, Looks, STRIP, Shading, Texel, Texels, middle,
 };
+use std::arch::x86_64::*;
 
 /// # Safety
 /// The processor has AVX2.
@@ -25,87 +15,47 @@ pub(super) unsafe fn sample(
     groups: &[Group],
     out: &mut [Colours],
 ) {
-    let low7 = _mm256_set1_epi32(127);
-    // Bytes of two texels above and two below, interleaved by channel: a.r b.r c.r d.r, a.g b.g ...
-    let interleave = both(&[0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15]);
     for (group, out) in groups.iter().zip(out) {
         let log2 = looks_log2.max(group.looks_log2);
-        let count = 1usize << log2;
         let layout = &texels.layouts[group.level as usize];
-        let stride = layout.stride as usize;
         // SAFETY: `Group` is aligned to 32 bytes, its first two fields are eight floats each.
         let (xs, ys) = unsafe { (_mm256_load_ps(group.x.as_ptr()), _mm256_load_ps(group.y.as_ptr())) };
-        let mut sums = [_mm256_setzero_si256(); 4];
-        for look in &looks[count - 1..2 * count - 1] {
-            let [x0, y0] = look.origin[group.level as usize];
-            let x = _mm256_add_ps(xs, _mm256_set1_ps(group.spread[0] * look.part));
-            let y = _mm256_add_ps(ys, _mm256_set1_ps(group.spread[1] * look.part));
-            let (cos, sin) = (_mm256_set1_ps(look.cos), _mm256_set1_ps(look.sin));
-            let x_turned = _mm256_sub_ps(_mm256_mul_ps(cos, x), _mm256_mul_ps(sin, y));
-            let y_turned = _mm256_add_ps(_mm256_mul_ps(sin, x), _mm256_mul_ps(cos, y));
-            let x = _mm256_add_ps(x_turned, _mm256_set1_ps(x0));
-            let y = _mm256_add_ps(y_turned, _mm256_set1_ps(y0));
-            let x = _mm256_min_ps(
-                _mm256_max_ps(x, _mm256_setzero_ps()),
-                _mm256_set1_ps(layout.limit[0]),
-            );
-            let y = _mm256_min_ps(
-                _mm256_max_ps(y, _mm256_setzero_ps()),
-                _mm256_set1_ps(layout.limit[1]),
-            );
-            let (x, y) = (_mm256_cvttps_epi32(x), _mm256_cvttps_epi32(y));
-            let (fx, fy) = (_mm256_and_si256(x, low7), _mm256_and_si256(y, low7));
-            let rows = _mm256_mullo_epi32(_mm256_srli_epi32::<7>(y), _mm256_set1_epi32(layout.stride as i32));
-            let at = _mm256_add_epi32(rows, _mm256_srli_epi32::<7>(x));
-            let at = _mm256_add_epi32(at, _mm256_set1_epi32(layout.base as i32));
-            // 127 - fx in the low byte, fx in the next: 127 + 255·fx.
-            let weights_x = _mm256_add_epi32(_mm256_sub_epi32(_mm256_slli_epi32::<8>(fx), fx), low7);
-            // 128 - fy in the low half, fy in the high half: 128 + 65535·fy.
-            let weights_y = _mm256_sub_epi32(_mm256_slli_epi32::<16>(fy), fy);
-            let weights_y = _mm256_add_epi32(weights_y, _mm256_set1_epi32(128));
-            let mut index = [0u32; GROUP];
-            // SAFETY: eight 32-bit integers.
-            unsafe { _mm256_storeu_si256(index.as_mut_ptr().cast(), at) };
-            macro_rules! pair {
-                ($k:literal, $wx:expr, $wy:literal) => {{
-                    // SAFETY: coordinates were clamped to the level's limits, for which `Texels::new` checked that
-                    // the texel, its right neighbour and both below are inside the slice.
-                    let both_texels = unsafe {
-                        let left = two_rows(texels.texels.as_ptr().add(index[$k] as usize), stride);
-                        let right = two_rows(texels.texels.as_ptr().add(index[$k + 4] as usize), stride);
-                        _mm256_inserti128_si256::<1>(_mm256_castsi128_si256(left), right)
-                    };
-                    let across = _mm256_maddubs_epi16(
-                        _mm256_shuffle_epi8(both_texels, interleave),
-                        _mm256_shuffle_epi8(weights_x, $wx),
-                    );
-                    let weights = _mm256_shuffle_epi32::<$wy>(weights_y);
-                    sums[$k] = _mm256_add_epi32(sums[$k], _mm256_madd_epi16(across, weights));
-                }};
+        let sums = if log2 == 0 {
+            let look = &looks[0];
+            look_up(
+                texels.texels,
+                layout,
+                look,
+                look.origin[group.level as usize],
+                xs,
+                ys,
+            )
+        } else {
+            let count = 1usize << log2;
+            let (spread_x, spread_y) = (_mm256_set1_ps(group.spread[0]), _mm256_set1_ps(group.spread[1]));
+            let mut sums = [_mm256_setzero_si256(); 4];
+            for look in &looks[count - 1..2 * count - 1] {
+                let part = _mm256_set1_ps(look.part);
+                let x = _mm256_add_ps(xs, _mm256_mul_ps(spread_x, part));
+                let y = _mm256_add_ps(ys, _mm256_mul_ps(spread_y, part));
+                let more = look_up(
+                    texels.texels,
+                    layout,
+                    look,
+                    look.origin[group.level as usize],
+                    x,
+                    y,
+                );
+                for k in 0..4 {
+                    sums[k] = _mm256_add_epi32(sums[k], more[k]);
+                }
             }
-            pair!(
-                0,
-                both(&[0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1]),
-                0b00_00_00_00
-            );
-            pair!(
-                1,
-                both(&[4, 5, 4, 5, 4, 5, 4, 5, 4, 5, 4, 5, 4, 5, 4, 5]),
-                0b01_01_01_01
-            );
-            pair!(
-                2,
-                both(&[8, 9, 8, 9, 8, 9, 8, 9, 8, 9, 8, 9, 8, 9, 8, 9]),
-                0b10_10_10_10
-            );
-            pair!(
-                3,
-                both(&[12, 13, 12, 13, 12, 13, 12, 13, 12, 13, 12, 13, 12, 13, 12, 13]),
-                0b11_11_11_11
-            );
-        }
+            sums
+        };
         let shift = _mm_cvtsi32_si128(7 + log2 as i32);
-        let [a, b, c, d] = sums.map(|sum| _mm256_sra_epi32(sum, shift));
+        // Spelled out: closures handed to library functions would not be compiled for AVX2.
+        let (a, b) = (_mm256_sra_epi32(sums[0], shift), _mm256_sra_epi32(sums[1], shift));
+        let (c, d) = (_mm256_sra_epi32(sums[2], shift), _mm256_sra_epi32(sums[3], shift));
         let (ab, cd) = (_mm256_packs_epi32(a, b), _mm256_packs_epi32(c, d));
         let first = _mm256_permute2x128_si256::<0x20>(ab, cd);
         let last = _mm256_permute2x128_si256::<0x31>(ab, cd);
@@ -117,15 +67,82 @@ pub(super) unsafe fn sample(
     }
 }
 
-/// Two neighbouring texels and the two below them.
-///
-/// # Safety
-/// All four exist.
+/// One bilinear look of eight pixels: R, G, B, gloss times 127 · 128 of pixels 0 and 4, 1 and 5, 2 and 6, 3 and 7.
 #[target_feature(enable = "avx2")]
-unsafe fn two_rows(at: *const u32, stride: usize) -> __m128i {
-    // SAFETY: promised by the caller.
-    unsafe { _mm_unpacklo_epi64(_mm_loadl_epi64(at.cast()), _mm_loadl_epi64(at.add(stride).cast())) }
+#[inline]
+fn look_up(
+    texels: &[Texel],
+    layout: &LevelLayout,
+    look: &Look,
+    origin: [f32; 2],
+    x: __m256,
+    y: __m256,
+) -> [__m256i; 4] {
+    let low7 = _mm256_set1_epi32(127);
+    let (cos, sin) = (_mm256_set1_ps(look.cos), _mm256_set1_ps(look.sin));
+    let x_turned = _mm256_sub_ps(_mm256_mul_ps(cos, x), _mm256_mul_ps(sin, y));
+    let y_turned = _mm256_add_ps(_mm256_mul_ps(sin, x), _mm256_mul_ps(cos, y));
+    let x = _mm256_add_ps(x_turned, _mm256_set1_ps(origin[0]));
+    let y = _mm256_add_ps(y_turned, _mm256_set1_ps(origin[1]));
+    let x = _mm256_min_ps(
+        _mm256_max_ps(x, _mm256_setzero_ps()),
+        _mm256_set1_ps(layout.limit[0]),
+    );
+    let y = _mm256_min_ps(
+        _mm256_max_ps(y, _mm256_setzero_ps()),
+        _mm256_set1_ps(layout.limit[1]),
+    );
+    let (x, y) = (_mm256_cvttps_epi32(x), _mm256_cvttps_epi32(y));
+    let (fx, fy) = (_mm256_and_si256(x, low7), _mm256_and_si256(y, low7));
+    let strips = _mm256_srli_epi32::<{ 7 + STRIP.ilog2() as i32 }>(x);
+    let strips = _mm256_mullo_epi32(strips, _mm256_set1_epi32(layout.strip as i32));
+    let column = _mm256_and_si256(_mm256_srli_epi32::<7>(x), _mm256_set1_epi32(STRIP as i32 - 1));
+    let row = _mm256_srli_epi32::<7>(y);
+    // STRIDE is 17.
+    let down = _mm256_add_epi32(_mm256_slli_epi32::<4>(row), row);
+    let at = _mm256_add_epi32(_mm256_add_epi32(strips, column), down);
+    let at = _mm256_add_epi32(at, _mm256_set1_epi32(layout.base as i32));
+    // Bytes 127 - fx, fx, twice: 127 + 255·fx in both halves.
+    let weights_x = _mm256_sub_epi32(_mm256_slli_epi32::<8>(fx), fx);
+    let weights_x = _mm256_or_si256(weights_x, _mm256_slli_epi32::<16>(weights_x));
+    let weights_x = _mm256_add_epi32(weights_x, _mm256_set1_epi32(127 << 16 | 127));
+    // 128 - fy in the low half, fy in the high half: 128 + 65535·fy.
+    let weights_y = _mm256_sub_epi32(_mm256_slli_epi32::<16>(fy), fy);
+    let weights_y = _mm256_add_epi32(weights_y, _mm256_set1_epi32(128));
+    let mut index = Indices([0; GROUP]);
+    // SAFETY: eight 32-bit integers, aligned.
+    unsafe { _mm256_store_si256(index.0.as_mut_ptr().cast(), at) };
+    // Reading the indices back from memory is quicker than taking a vector apart, which the compiler would do.
+    let index = &std::hint::black_box(&index).0;
+    // Left texel, the one below it, right texel, the one below it, to a.r b.r c.r d.r, a.g b.g c.g d.g ...
+    let interleave = both(&[0, 8, 4, 12, 1, 9, 5, 13, 2, 10, 6, 14, 3, 11, 7, 15]);
+    let mut sums = [_mm256_setzero_si256(); 4];
+    macro_rules! pair {
+        ($k:literal, $broadcast:literal) => {
+            // SAFETY: coordinates were clamped to the level's limits, for which `Texels::new` checked that the texel
+            // and its right neighbour are inside the slice.
+            let four = unsafe {
+                let low = _mm_loadu_si128(texels.as_ptr().add(index[$k] as usize).cast());
+                let high = _mm_loadu_si128(texels.as_ptr().add(index[$k + 4] as usize).cast());
+                _mm256_inserti128_si256::<1>(_mm256_castsi128_si256(low), high)
+            };
+            let across = _mm256_maddubs_epi16(
+                _mm256_shuffle_epi8(four, interleave),
+                _mm256_shuffle_epi32::<$broadcast>(weights_x),
+            );
+            sums[$k] = _mm256_madd_epi16(across, _mm256_shuffle_epi32::<$broadcast>(weights_y));
+        };
+    }
+    pair!(0, 0b00_00_00_00);
+    pair!(1, 0b01_01_01_01);
+    pair!(2, 0b10_10_10_10);
+    pair!(3, 0b11_11_11_11);
+    sums
 }
+
+/// Indices of the texels of eight pixels.
+#[repr(C, align(32))]
+struct Indices([u32; GROUP]);
 
 /// The same byte pattern in both halves.
 #[target_feature(enable = "avx2")]
@@ -159,10 +176,19 @@ pub(super) unsafe fn shade(colours: &[Colours], shading: &Shading<'_>, row: &mut
         _mm256_set1_epi16(shading.noise_dark),
         _mm256_set1_epi16(shading.noise_fall),
     );
+    let part = _mm_set1_epi16(shading.part);
+    let mut left = node(&shading.above[0], &shading.below[0], part);
     let (white, half) = (_mm256_set1_epi16(4095), _mm256_set1_epi16(8));
-    for (g, (colours, row)) in colours.iter().zip(row.chunks_mut(3 * GROUP)).enumerate() {
-        let (gain, gain_step) = nodes(&shading.gain[g], &shading.gain[g + 1]);
-        let (glow, glow_step) = nodes(&shading.glow[g], &shading.glow[g + 1]);
+    for (g, colours) in colours.iter().enumerate() {
+        let right = node(&shading.above[g + 1], &shading.below[g + 1], part);
+        let step = _mm_sub_epi16(right, left);
+        let (gain, gain_step) = (_mm256_broadcastq_epi64(left), _mm256_broadcastq_epi64(step));
+        let (left_glow, step_glow) = (_mm_unpackhi_epi64(left, left), _mm_unpackhi_epi64(step, step));
+        let (glow, glow_step) = (
+            _mm256_broadcastq_epi64(left_glow),
+            _mm256_broadcastq_epi64(step_glow),
+        );
+        left = right;
         let noise = &shading.noise[4 * GROUP * g..][..4 * GROUP];
         // SAFETY: 32 bytes.
         let noise = unsafe { _mm256_loadu_si256(noise.as_ptr().cast()) };
@@ -195,31 +221,101 @@ pub(super) unsafe fn shade(colours: &[Colours], shading: &Shading<'_>, row: &mut
             _mm256_castsi256_si128(bytes),
             _mm256_extracti128_si256::<1>(bytes),
         );
-        if row.len() == 3 * GROUP {
+        let from = 3 * GROUP * g;
+        if from + 3 * GROUP <= row.len() {
             // SAFETY: 16 + 8 bytes into 24.
             unsafe {
-                _mm_storeu_si128(row.as_mut_ptr().cast(), low);
-                _mm_storel_epi64(row.as_mut_ptr().add(16).cast(), high);
+                _mm_storeu_si128(row.as_mut_ptr().add(from).cast(), low);
+                _mm_storel_epi64(row.as_mut_ptr().add(from + 16).cast(), high);
             }
         } else {
             let mut whole = [0u8; 32];
             // SAFETY: 32 bytes into 32.
             unsafe { _mm256_storeu_si256(whole.as_mut_ptr().cast(), bytes) };
-            row.copy_from_slice(&whole[..row.len()]);
+            let rest = &mut row[from..];
+            rest.copy_from_slice(&whole[..rest.len()]);
         }
     }
 }
 
-/// The first node in every pixel's place, and the step to the second.
+/// Where four neighbouring pixels lie in their group, in all four channels.
 #[target_feature(enable = "avx2")]
-fn nodes(a: &[i16; 4], b: &[i16; 4]) -> (__m256i, __m256i) {
-    let whole = |node: &[i16; 4]| {
-        let bits = node
-            .iter()
-            .rev()
-            .fold(0u64, |bits, value| bits << 16 | u64::from(*value as u16));
-        _mm256_set1_epi64x(bits as i64)
+fn middles(first: usize) -> __m256i {
+    let (a, b, c, d) = (
+        middle(first),
+        middle(first + 1),
+        middle(first + 2),
+        middle(first + 3),
+    );
+    _mm256_setr_epi16(a, a, a, a, b, b, b, b, c, c, c, c, d, d, d, d)
+}
+
+/// The light between a node above and one below the row.
+#[target_feature(enable = "avx2")]
+fn node(above: &LightNode, below: &LightNode, part: __m128i) -> __m128i {
+    // SAFETY: eight integers of 16 bits each.
+    let (above, below) = unsafe {
+        (
+            _mm_loadu_si128(above.as_ptr().cast()),
+            _mm_loadu_si128(below.as_ptr().cast()),
+        )
     };
-    let (a, b) = (whole(a), whole(b));
-    (a, _mm256_sub_epi16(b, a))
+    _mm_add_epi16(above, _mm_mulhrs_epi16(_mm_sub_epi16(below, above), part))
+}
+
+/// # Safety
+/// The processor has AVX2; both rows are equally long.
+#[target_feature(enable = "avx2")]
+pub(super) unsafe fn blur_across(row: &[Colours], weight: i16, out: &mut [Colours]) {
+    let (row, out) = (row.as_flattened(), out.as_flattened_mut());
+    let weight = _mm256_set1_epi16(weight);
+    let last = row.len() - 16;
+    for i in (0..row.len()).step_by(16) {
+        // SAFETY: i + 16 is at most the length of both; the neighbours 4 away are read where they exist.
+        unsafe {
+            let here = _mm256_loadu_si256(row.as_ptr().add(i).cast());
+            let left = if i > 0 {
+                _mm256_loadu_si256(row.as_ptr().add(i - 4).cast())
+            } else {
+                // The first pixel again, then the first three.
+                _mm256_permute4x64_epi64::<0b10_01_00_00>(here)
+            };
+            let right = if i < last {
+                _mm256_loadu_si256(row.as_ptr().add(i + 4).cast())
+            } else {
+                _mm256_permute4x64_epi64::<0b11_11_10_01>(here)
+            };
+            let value = blurred(left, here, right, weight);
+            _mm256_storeu_si256(out.as_mut_ptr().add(i).cast(), value);
+        }
+    }
+}
+
+/// # Safety
+/// The processor has AVX2; all rows are equally long.
+#[target_feature(enable = "avx2")]
+pub(super) unsafe fn blur_down(rows: [&[Colours]; 3], weight: i16, out: &mut [Colours]) {
+    let (above, here, below) = (
+        rows[0].as_flattened(),
+        rows[1].as_flattened(),
+        rows[2].as_flattened(),
+    );
+    let out = out.as_flattened_mut();
+    let weight = _mm256_set1_epi16(weight);
+    for i in (0..out.len()).step_by(16) {
+        // SAFETY: i + 16 is at most the length of all.
+        unsafe {
+            let above = _mm256_loadu_si256(above.as_ptr().add(i).cast());
+            let here = _mm256_loadu_si256(here.as_ptr().add(i).cast());
+            let below = _mm256_loadu_si256(below.as_ptr().add(i).cast());
+            let value = blurred(above, here, below, weight);
+            _mm256_storeu_si256(out.as_mut_ptr().add(i).cast(), value);
+        }
+    }
+}
+
+#[target_feature(enable = "avx2")]
+fn blurred(a: __m256i, here: __m256i, b: __m256i, weight: __m256i) -> __m256i {
+    let mean = _mm256_avg_epu16(a, b);
+    _mm256_add_epi16(here, _mm256_mulhrs_epi16(_mm256_sub_epi16(mean, here), weight))
 }

@@ -43,32 +43,52 @@ pub(super) struct Group {
     pub(super) looks_log2: u32,
 }
 
+/// A texel and, in the upper half, the one below it: the four of a bilinear look are two neighbours, 16 bytes.
+pub(super) type Texel = u64;
+
+/// Texels side by side in a strip. Textures are stored as upright strips, so that looks along any direction stay
+/// within few memory pages (rows of a large floor lie a page or more apart).
+pub(super) const STRIP: usize = 16;
+
+/// Texels from one row of a strip to the next: the strip and the first texel of its right neighbour.
+pub(super) const STRIDE: usize = STRIP + 1;
+
 /// How a level of a texture lies in memory.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct LevelLayout {
     /// Index of the first texel.
     pub(super) base: u32,
-    /// Texels from one row to the next.
-    pub(super) stride: u32,
-    /// Largest coordinates, in texels times [`STEPS_PER_TEXEL`], whose right and lower neighbours exist.
+    /// Texels from one strip to the next.
+    pub(super) strip: u32,
+    /// Largest coordinates, in texels times [`STEPS_PER_TEXEL`], whose right neighbours exist.
     pub(super) limit: [f32; 2],
+}
+
+impl LevelLayout {
+    /// Index of the texel in a column and row.
+    #[inline(always)]
+    pub(super) fn index(&self, x: u32, y: u32) -> usize {
+        (self.base + x / STRIP as u32 * self.strip + y * STRIDE as u32 + x % STRIP as u32) as usize
+    }
 }
 
 /// A texture with its levels: what the kernels look into.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Texels<'a> {
-    texels: &'a [u32],
+    texels: &'a [Texel],
     layouts: &'a [LevelLayout; LEVELS],
 }
 
 impl<'a> Texels<'a> {
     /// Checks once what the AVX2 code relies on: every coordinate within its limit, and its neighbours, is inside.
-    pub(super) fn new(texels: &'a [u32], layouts: &'a [LevelLayout; LEVELS]) -> Self {
+    pub(super) fn new(texels: &'a [Texel], layouts: &'a [LevelLayout; LEVELS]) -> Self {
         for layout in layouts {
             let [x, y] = layout.limit.map(|limit| limit as usize / 128);
-            let last = layout.base as usize + (y + 1) * layout.stride as usize + x + 1;
+            // The last strip's last row; a pair of texels never leaves its row of a strip.
+            let rows = layout.strip as usize / STRIDE;
+            let end = layout.base as usize + (x / STRIP + 1) * layout.strip as usize;
             assert!(
-                last < texels.len() && texels.len() < i32::MAX as usize && layout.stride as usize > x + 1,
+                y < rows && end <= texels.len() && texels.len() < i32::MAX as usize,
                 "a texture level reaches beyond its texels"
             );
         }
@@ -98,12 +118,17 @@ pub(super) const MOST_LOOKS_LOG2: u32 = 3;
 /// Colours of a group: R, G, B, gloss of each pixel, 0..=255 times [`COLOUR_SCALE`].
 pub(super) type Colours = [i16; 4 * GROUP];
 
+/// Light at a corner of a group: gain of R, G, B, 0 ([`GAIN_ONE`]), then reflected light of R, G, B, 0 ([`GLOW_ONE`]).
+pub(super) type LightNode = [i16; 8];
+
 /// What [`Kernel::shade`] needs besides colours.
 pub(super) struct Shading<'a> {
-    /// Gain of R, G, B at the left edge of every group and the right edge of the last ([`GAIN_ONE`]).
-    pub(super) gain: &'a [[i16; 4]],
-    /// Reflected light of R, G, B at the same places ([`GLOW_ONE`]).
-    pub(super) glow: &'a [[i16; 4]],
+    /// Nodes above the row, at the left edge of every group and the right edge of the last.
+    pub(super) above: &'a [LightNode],
+    /// Nodes below the row.
+    pub(super) below: &'a [LightNode],
+    /// How far the row lies towards those below (Q15).
+    pub(super) part: i16,
     /// Noise of this row: R, G, B, 0 of every pixel, standard deviation 32.
     pub(super) noise: &'a [i8],
     /// Noise of black (standard deviation in grey levels times 64).
@@ -164,10 +189,32 @@ impl Kernel {
         }
     }
 
+    /// Blurs a row across: every pixel takes `weight` (Q15, of the mean of both) from its neighbours; the ends repeat.
+    pub(super) fn blur_across(self, row: &[Colours], weight: i16, out: &mut [Colours]) {
+        assert!(row.len() == out.len() && !row.is_empty());
+        match self {
+            Self::Portable => portable::blur_across(row, weight, out),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: as above; the lengths are equal.
+            Self::Avx2(_) => unsafe { avx2::blur_across(row, weight, out) },
+        }
+    }
+
+    /// Blurs a row with those above and below, likewise.
+    pub(super) fn blur_down(self, rows: [&[Colours]; 3], weight: i16, out: &mut [Colours]) {
+        assert!(rows.iter().all(|row| row.len() == out.len()));
+        match self {
+            Self::Portable => portable::blur_down(rows, weight, out),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: as above; the lengths are equal.
+            Self::Avx2(_) => unsafe { avx2::blur_down(rows, weight, out) },
+        }
+    }
+
     /// Turns the colours of a row into bytes R, G, B.
     pub(super) fn shade(self, colours: &[Colours], shading: &Shading<'_>, row: &mut [u8]) {
         let groups = colours.len();
-        assert!(shading.gain.len() > groups && shading.glow.len() > groups);
+        assert!(shading.above.len() > groups && shading.below.len() > groups);
         assert!(shading.noise.len() >= groups * 4 * GROUP);
         assert!(row.len() <= groups * 3 * GROUP && row.len() + 3 * GROUP > groups * 3 * GROUP);
         match self {
@@ -175,15 +222,6 @@ impl Kernel {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
             Self::Avx2(_) => unsafe { avx2::shade(colours, shading, row) },
-        }
-    }
-}
-
-/// `a + (b - a)·part` for nodes, `part` in Q15. The rounding is that of the vector instruction `pmulhrsw`.
-pub(super) fn between(a: &[[i16; 4]], b: &[[i16; 4]], part: i16, out: &mut [[i16; 4]]) {
-    for ((a, b), out) in a.iter().zip(b).zip(out) {
-        for lane in 0..4 {
-            out[lane] = a[lane] + rounded_product(b[lane] - a[lane], part);
         }
     }
 }

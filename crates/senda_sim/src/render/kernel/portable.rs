@@ -1,6 +1,8 @@
 //! The pixel loops in plain Rust. What the AVX2 version must equal.
 
-use super::{Colours, GROUP, Group, LevelLayout, Look, Looks, Shading, Texels, middle, rounded_product};
+use super::{
+    Colours, GROUP, Group, LevelLayout, LightNode, Look, Looks, Shading, Texels, middle, rounded_product,
+};
 
 pub(super) fn sample(
     texels: Texels<'_>,
@@ -18,10 +20,10 @@ pub(super) fn sample(
             let (x, y) = positions(group, look, layout);
             for k in 0..GROUP {
                 let (fx, fy) = (x[k] & 127, y[k] & 127);
-                let at = ((y[k] >> 7) * layout.stride + (x[k] >> 7) + layout.base) as usize;
-                let upper = &texels.texels[at..at + 2];
-                let lower = &texels.texels[at + layout.stride as usize..][..2];
-                let (upper, lower) = (mix(upper[0], upper[1], fx), mix(lower[0], lower[1], fx));
+                let at = layout.index(x[k] >> 7, y[k] >> 7);
+                let [left, right] = [texels.texels[at], texels.texels[at + 1]];
+                let upper = mix(left as u32, right as u32, fx);
+                let lower = mix((left >> 32) as u32, (right >> 32) as u32, fx);
                 for half in 0..2 {
                     // Two channels of 16 bits become two of 32: the vertical weights add 7 bits.
                     let wide = widen(upper[half]) * u64::from(128 - fy) + widen(lower[half]) * u64::from(fy);
@@ -72,19 +74,19 @@ fn widen(pair: u32) -> u64 {
 }
 
 pub(super) fn shade(colours: &[Colours], shading: &Shading<'_>, row: &mut [u8]) {
+    let node = |g: usize| between(&shading.above[g], &shading.below[g], shading.part);
+    let mut left = node(0);
     for (g, (colours, row)) in colours.iter().zip(row.chunks_mut(3 * GROUP)).enumerate() {
-        let (gain, glow) = (&shading.gain[g..g + 2], &shading.glow[g..g + 2]);
+        let right = node(g + 1);
         let noise = &shading.noise[4 * GROUP * g..][..4 * GROUP];
         let mut bytes = [0u8; 4 * GROUP];
         for k in 0..GROUP {
-            let part = middle(k);
+            let light = between(&left, &right, middle(k));
             let gloss = i32::from(colours[4 * k + 3]);
             for c in 0..3 {
                 let i = 4 * k + c;
-                let gain = gain[0][c] + rounded_product(gain[1][c] - gain[0][c], part);
-                let glow = glow[0][c] + rounded_product(glow[1][c] - glow[0][c], part);
-                let lit = ((i32::from(colours[i]) * i32::from(gain)) >> 16) as i16;
-                let mirrored = ((gloss * i32::from(glow)) >> 16) as i16;
+                let lit = ((i32::from(colours[i]) * i32::from(light[c])) >> 16) as i16;
+                let mirrored = ((gloss * i32::from(light[c + 4])) >> 16) as i16;
                 let (high, low) = (lit.max(mirrored), lit.min(mirrored));
                 // √(a² + b²) within 3 %: bytes are close to the square root of light, and light adds.
                 let both = high.max(high - (high >> 3) + (low >> 1));
@@ -96,5 +98,41 @@ pub(super) fn shade(colours: &[Colours], shading: &Shading<'_>, row: &mut [u8]) 
         for (out, pixel) in row.chunks_exact_mut(3).zip(bytes.chunks_exact(4)) {
             out.copy_from_slice(&pixel[..3]);
         }
+        left = right;
     }
+}
+
+/// `a + (b - a)·part`, part in Q15.
+#[inline(always)]
+fn between(a: &LightNode, b: &LightNode, part: i16) -> LightNode {
+    let mut node = [0; 8];
+    for i in 0..8 {
+        node[i] = a[i] + rounded_product(b[i] - a[i], part);
+    }
+    node
+}
+
+pub(super) fn blur_across(row: &[Colours], weight: i16, out: &mut [Colours]) {
+    let (row, out) = (row.as_flattened(), out.as_flattened_mut());
+    let last = row.len() - 4;
+    for i in 0..row.len() {
+        let left = if i < 4 { row[i] } else { row[i - 4] };
+        let right = if i < last { row[i + 4] } else { row[i] };
+        out[i] = blurred(left, row[i], right, weight);
+    }
+}
+
+pub(super) fn blur_down(rows: [&[Colours]; 3], weight: i16, out: &mut [Colours]) {
+    let [above, here, below] = rows.map(|row| row.as_flattened());
+    let beside = above.iter().zip(below);
+    for ((out, here), (above, below)) in out.as_flattened_mut().iter_mut().zip(here).zip(beside) {
+        *out = blurred(*above, *here, *below, weight);
+    }
+}
+
+/// Colours are not negative: the rounded mean of both neighbours is that of `pavgw`.
+#[inline(always)]
+fn blurred(a: i16, here: i16, b: i16, weight: i16) -> i16 {
+    let mean = ((i32::from(a) + i32::from(b) + 1) >> 1) as i16;
+    here + rounded_product(mean - here, weight)
 }
