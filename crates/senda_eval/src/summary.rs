@@ -44,8 +44,10 @@ pub struct Summary {
     pub first_departure_s: Option<f64>,
     /// Where it first left (per cent of lap).
     pub first_departure_percent: Option<f64>,
-    /// How often the driver lost the line or lane.
+    /// How often the driver lost the line or lane: not seen for half a second or longer ([`metrics::LOSS_S`]).
     pub lost: u32,
+    /// How often it was missing for a frame or more, losses included.
+    pub gaps: u32,
     /// Part of the frames in which the driver found the line or lane (0..=1).
     pub found_rate: Option<f64>,
     /// Mean distance from the path over the road (m); see [`metrics`] for what leaving costs.
@@ -112,6 +114,7 @@ impl Summary {
             first_departure_s: metrics.first_departure_s,
             first_departure_percent: metrics.first_departure_percent,
             lost: losses.lost,
+            gaps: losses.gaps,
             found_rate: losses.found_rate,
             lane_error_mean_m: lane.map(|e| e.mean),
             lane_error_max_m: lane.map(|e| e.max),
@@ -143,7 +146,7 @@ impl Summary {
             Some(course) if !truths.is_empty() => metrics::measure(course, &truths),
             _ => without_truth(recording),
         };
-        let losses = metrics::losses(recording.steps.iter().map(|step| &step.explanation));
+        let losses = metrics::losses(recording.steps.iter().map(|step| (step.stamp.as_s(), &step.explanation)));
         let smoothness = metrics::smoothness(&motions(recording));
         Self {
             vehicle: recording.header.body.name.clone(),

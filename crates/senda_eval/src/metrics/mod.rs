@@ -17,7 +17,7 @@ mod smoothness;
 
 pub use crate::summary::Summary;
 pub use drive::{ErrorFigures, Metrics, Trace, measure, trace};
-pub use losses::{Losses, losses};
+pub use losses::{LOSS_S, Losses, losses};
 pub use smoothness::{Motion, Smoothness, smoothness};
 
 use senda_geom::Curve;

@@ -10,8 +10,11 @@ use serde_json::{Value, json};
 /// Quality of frames that had to be made smaller: at 160x120 about half the bytes of a camera's own JPEG.
 const SMALLER_QUALITY: u8 = 60;
 
-/// Frames beyond this number show nothing new to a reader who scrubs.
-const MOST_FRAMES: usize = 900;
+/// Frames beyond this number show nothing new to a reader who scrubs, and fill a browser's memory.
+const MOST_FRAMES: usize = 1200;
+
+/// Every second frame as recorded is worth more than every frame spoilt by compression; beyond that the motion suffers.
+const MOST_STRIDE_AS_RECORDED: usize = 2;
 
 /// Frames ready for the page.
 pub(super) struct Film {
@@ -43,20 +46,21 @@ pub(super) fn film(recording: &Recording, budget_bytes: usize) -> Film {
         .collect();
     let mut size = None;
     let original = size_of(recording);
-    let fits = original <= budget_bytes && with_frame.len() <= MOST_FRAMES;
-    let mut stride = 1;
-    if !fits && !with_frame.is_empty() {
+    let most_frames = with_frame.len().div_ceil(MOST_FRAMES);
+    let mut stride = original.div_ceil(budget_bytes.max(1)).max(most_frames).max(1);
+    let fits = stride <= MOST_STRIDE_AS_RECORDED.max(most_frames);
+    if !fits {
         // The mean of a few recompressed frames tells how many will fit.
         let sample: Vec<usize> = (0..with_frame.len())
             .step_by(with_frame.len().div_ceil(8))
             .map(|i| base64_len(smaller(&with_frame[i].1.frames[0].encoded).bytes.len()))
             .collect();
-        let mean = sample.iter().sum::<usize>().div_ceil(sample.len());
+        let mean = sample.iter().sum::<usize>().div_ceil(sample.len().max(1));
         let room = (budget_bytes / mean.max(1)).clamp(1, MOST_FRAMES);
-        stride = with_frame.len().div_ceil(room);
+        stride = with_frame.len().div_ceil(room).max(1);
     }
     let mut frames = Vec::new();
-    let mut spent = 0;
+    let mut bytes = Vec::new();
     for (index, step) in with_frame.iter().step_by(stride) {
         let encoded = &step.frames[0].encoded;
         let picture = if fits { encoded.clone() } else { smaller(encoded) };
@@ -67,27 +71,30 @@ pub(super) fn film(recording: &Recording, budget_bytes: usize) -> Film {
                 .filter(|image| !image.is_empty())
                 .map(|image| [image.width(), image.height()]);
         }
-        spent += base64_len(picture.bytes.len());
-        // Frames may grow along the run: never more than a tenth above the budget.
-        if !fits && spent > budget_bytes + budget_bytes / 10 && !frames.is_empty() {
-            break;
-        }
+        bytes.push(base64_len(picture.bytes.len()));
         let shapes: Vec<Value> = step.explanation.shapes.iter().map(shape_json).collect();
         frames.push(json!({"step": index, "src": data_uri(&picture), "shapes": shapes}));
+    }
+    // Frames may grow along a run, so that the estimate was too low: thin again, evenly.
+    while frames.len() > 1 && bytes.iter().sum::<usize>() > budget_bytes + budget_bytes / 10 {
+        frames = frames.into_iter().step_by(2).collect();
+        bytes = bytes.into_iter().step_by(2).collect();
     }
     if size.is_none() {
         frames.clear();
     }
-    let caption = match (frames.len(), with_frame.len()) {
-        (shown, all) if shown == all => {
-            format!("All {all} camera frames as recorded, with what the driver saw in them.")
-        }
-        (shown, all) => {
-            format!(
-                "{shown} of {all} camera frames, compressed further to keep this file small, with what the driver saw in them."
-            )
-        }
+    let (shown, all) = (frames.len(), with_frame.len());
+    let which = if shown == all {
+        format!("All {all} camera frames")
+    } else {
+        format!("{shown} of {all} camera frames")
     };
+    let how = if fits {
+        "as recorded"
+    } else {
+        "compressed further to keep this file small"
+    };
+    let caption = format!("{which}, {how}, with what the driver saw in them.");
     Film {
         frames,
         size,

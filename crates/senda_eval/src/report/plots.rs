@@ -52,7 +52,7 @@ const PER_CENT: [Plan; 4] = [
     },
 ];
 
-const TIME: [Plan; 8] = [
+const TIME: [Plan; 9] = [
     Plan {
         title: "Human and driver",
         keys: &["human", "driver"],
@@ -76,6 +76,12 @@ const TIME: [Plan; 8] = [
         keys: &["signal omega_radps"],
         label: "ω",
         caption: "Yaw rate that the controller asks for, left positive.",
+    },
+    Plan {
+        title: "Curvature",
+        keys: &["signal curvature_per_m"],
+        label: "curvature",
+        caption: "Curvature of the road ahead as the driver sees it, left positive; 1/m is one over the radius.",
     },
     Plan {
         title: "Wheel speeds",
@@ -146,30 +152,61 @@ pub(super) fn groups(columns: &Columns) -> Vec<Group> {
         .filter_map(|plan| against_time(plan, columns))
         .collect();
     // Signals of drivers that this page does not know.
+    let mut constant = Vec::new();
     for column in &columns.list {
         let Some(name) = column.key.strip_prefix("signal ") else {
             continue;
         };
-        if !TIME.iter().any(|plan| plan.keys.contains(&column.key.as_str())) {
-            figures.push(time_figure(
-                &column.name,
-                &column.name,
-                &format!("Signal {name} of the driver."),
-                &[column],
-                columns,
-            ));
+        if TIME.iter().any(|plan| plan.keys.contains(&column.key.as_str())) {
+            continue;
         }
+        if let Some(value) = column.constant() {
+            constant.push(format!(
+                "{} {}{}",
+                column.name,
+                text::short(value),
+                unit_suffix(column.unit)
+            ));
+            continue;
+        }
+        let caption = format!("Signal {name} of the driver.");
+        figures.push(time_figure(
+            &capitalised(&column.name),
+            &column.name,
+            &caption,
+            &[column],
+            columns,
+        ));
+    }
+    let mut intro =
+        "What the driver logs for each frame (C15). Red spans: the line or lane was not found.".to_owned();
+    if !constant.is_empty() {
+        intro += &format!(" The same in every frame: {}.", constant.join(", "));
     }
     if !figures.is_empty() {
         groups.push(Group {
             title: "Against time".into(),
-            intro: "What the driver logs for each frame (C15). Red spans: the line or lane was not found."
-                .into(),
+            intro,
             figures,
             tables: Vec::new(),
         });
     }
     groups
+}
+
+fn unit_suffix(unit: &str) -> String {
+    match unit {
+        "" => String::new(),
+        "°" => unit.into(),
+        unit => format!(" {unit}"),
+    }
+}
+
+fn capitalised(name: &str) -> String {
+    let mut letters = name.chars();
+    letters.next().map_or(String::new(), |first| {
+        first.to_uppercase().chain(letters).collect()
+    })
 }
 
 fn chosen<'a>(plan: &Plan, columns: &'a Columns) -> Option<Vec<&'a Column>> {

@@ -1,6 +1,6 @@
 //! A driver on frames that a human drove: what it found and how its steering agrees.
 
-use super::page::{Figure, Page, Row, Table, render};
+use super::page::{Card, Figure, Page, Row, Table, render};
 use super::plots::Group;
 use super::run::{self, ReportRun};
 use super::signals::{Column, Scale};
@@ -34,6 +34,7 @@ pub fn real_data_html(page: &Page, human: &Recording, driven: &Recording) -> Str
         frame_times_s: &[],
     };
     let mut section = run::section_with(&shown, 0, page.frame_budget_bytes, columns);
+    section.cards = cards(&summary, &agreed);
     section.groups.insert(
         0,
         Group {
@@ -44,6 +45,56 @@ pub fn real_data_html(page: &Page, human: &Recording, driven: &Recording) -> Str
         },
     );
     render(page, vec![section], Vec::new())
+}
+
+/// What is known on frames that nobody drove on: time and agreement, but no distance or speed of the driver's.
+fn cards(summary: &Summary, agreed: &Agreement) -> Vec<Card> {
+    let number = |value: Option<f64>| value.map_or("–".into(), |v| text::fixed(v, 2));
+    let angle = |value: Option<f64>| value.map_or("–".into(), text::angle);
+    vec![
+        Card::new(
+            "Line or lane found",
+            text::percent(agreed.found_rate),
+            format!("{} of {} frames", agreed.compared, agreed.frames),
+            "Part of the frames in which the driver found what it follows",
+            "",
+        ),
+        Card::new(
+            "Correlation",
+            number(agreed.correlation),
+            "1 is full agreement".into(),
+            "Pearson's correlation of the driver's steering with the human's",
+            "",
+        ),
+        Card::new(
+            "Same side",
+            agreed.sign_agreement.map_or("–".into(), text::percent),
+            format!("{} of {} frames", agreed.same_side, agreed.sided),
+            "Frames where both steer to the same side, among those where the human steers",
+            "",
+        ),
+        Card::new(
+            "Difference, median",
+            angle(agreed.median_absolute_error),
+            format!("mean {}", angle(agreed.mean_absolute_error)),
+            "Absolute difference of the steering angles",
+            "",
+        ),
+        Card::new(
+            "Always the median",
+            angle(agreed.constant_error),
+            "mean difference: the figure to beat".into(),
+            "How far a driver would be off that always steers like the human on the median frame",
+            "",
+        ),
+        Card::new(
+            "Recorded",
+            format!("{} s", text::fixed(summary.duration_s, 1)),
+            format!("{} frames", summary.frames),
+            "From the first frame to the last",
+            "",
+        ),
+    ]
 }
 
 fn scatter(reference: &[f64], answers: &[f64]) -> Figure {

@@ -3,7 +3,7 @@
 use super::frames::{self, Film};
 use super::page::{Card, Row, Section, Table};
 use super::plots::{self, Group};
-use super::signals::{Column, Scale, fixed_numbers};
+use super::signals::{Column, FRAME_TIME, Scale, fixed_numbers};
 use crate::Summary;
 use crate::metrics::{self, Course, Trace};
 use crate::plot::{Map, MapStyle, Track};
@@ -45,7 +45,7 @@ pub(super) struct RunSection {
     mini: String,
     teaser: String,
     chips: Vec<(&'static str, String)>,
-    cards: Vec<Card>,
+    pub(super) cards: Vec<Card>,
     size: Option<[usize; 2]>,
     frames_caption: String,
     map: String,
@@ -488,7 +488,7 @@ pub(super) fn columns(run: &ReportRun, course: Option<&Course>) -> Columns {
     });
     add("true_speed", "driven", "speed_mps", driven);
     if run.frame_times_s.len() == count && run.frame_times_s.iter().any(|time| *time > 0.0) {
-        add("frame_time", "time spent", "frame_s", run.frame_times_s.to_vec());
+        add("frame_time", "time spent", FRAME_TIME, run.frame_times_s.to_vec());
     }
     for (name, values) in super::signals::of_driver(run.recording) {
         add(

@@ -32,6 +32,13 @@ impl Column {
         }
     }
 
+    /// The one value that it has wherever it has any, if there is only one.
+    pub(super) fn constant(&self) -> Option<f64> {
+        let mut finite = self.values.iter().copied().filter(|value| value.is_finite());
+        let first = finite.next()?;
+        finite.all(|value| value == first).then_some(first)
+    }
+
     /// As the script reads it: four significant digits, `null` for no value.
     pub(super) fn json(&self) -> Value {
         json!({"name": self.name, "unit": self.unit, "values": numbers(&self.values)})
@@ -59,6 +66,9 @@ impl Scale {
     }
 }
 
+/// Name of the time that the driver took for each frame.
+pub(super) const FRAME_TIME: &str = "frame_time_s";
+
 /// The unit that people read for an SI quantity and the factor to it, by the suffix of its name.
 fn reading_unit(si_name: &str, scale: Scale) -> (&'static str, f64) {
     if si_name.ends_with("_per_m") {
@@ -73,8 +83,9 @@ fn reading_unit(si_name: &str, scale: Scale) -> (&'static str, f64) {
         "m" => ("m", 1.0),
         "mps" if small => ("cm/s", 100.0),
         "mps" => ("m/s", 1.0),
-        "s" => ("ms", 1000.0),
-        "ns" => ("ms", 1e-6),
+        // A frame takes milliseconds; what drivers count in seconds (time since a loss) takes seconds.
+        "s" if si_name == FRAME_TIME => ("ms", 1000.0),
+        "s" => ("s", 1.0),
         "px" => ("px", 1.0),
         "v" => ("V", 1.0),
         _ => ("", 1.0),
@@ -84,7 +95,7 @@ fn reading_unit(si_name: &str, scale: Scale) -> (&'static str, f64) {
 /// The name of a signal without its unit: `desired_angle_rad` is `desired angle`.
 pub(super) fn words(si_name: &str) -> String {
     let name = si_name.strip_suffix("_per_m").unwrap_or(si_name);
-    let name = ["_radps", "_rad", "_mps", "_ns", "_px", "_m", "_s", "_v"]
+    let name = ["_radps", "_rad", "_mps", "_px", "_m", "_s", "_v"]
         .iter()
         .find_map(|suffix| name.strip_suffix(suffix))
         .filter(|rest| !rest.is_empty())
