@@ -52,7 +52,8 @@ impl Log {
     pub(crate) fn summarise(self, scenario: &Scenario, world: &World, ending: Ending) -> (Summary, Vec<u64>) {
         let course = referee::course(scenario, world);
         let measured = metrics::measure(&course, &self.truths);
-        let losses = metrics::losses(&self.accounts);
+        let times = self.motions.iter().map(|motion| motion.time_s);
+        let losses = metrics::losses(times.zip(&self.accounts));
         let smoothness = metrics::smoothness(&self.motions);
         let times_s: Vec<f64> = self.frame_times_ns.iter().map(|ns| *ns as f64 * 1e-9).collect();
         let summary = Summary {
@@ -60,7 +61,7 @@ impl Log {
             vehicle: scenario.vehicle.clone(),
             driver: scenario.driver.clone(),
             light: scenario.light.clone().unwrap_or_else(|| "as in the world".into()),
-            floor: scenario.floor.clone().unwrap_or_else(|| "as in the world".into()),
+            floor: scenario.floor.clone().unwrap_or_else(|| floor_name(world)),
             reversed: scenario.reverse,
             seed: scenario.seed,
             speed_mps: scenario.speed_mps,
@@ -73,4 +74,11 @@ impl Log {
         let timed = times_s.iter().any(|time| *time > 0.0);
         (if timed { summary.with_frame_times(&times_s) } else { summary }, self.frame_times_ns)
     }
+}
+
+/// What a world's own floor is called: its kind, and whether it shines.
+fn floor_name(world: &World) -> String {
+    // Below this, reflections are hardly seen.
+    let shine = if world.floor.gloss >= 0.2 { "glossy " } else { "" };
+    format!("{shine}{}", world.floor.kind.name())
 }

@@ -1,13 +1,27 @@
 //! Random worlds by name: `random-line:17` is the same world everywhere and always.
 
 use crate::RunError;
-use senda_world::{Difficulty, Kind, World};
+use senda_world::{Colour, Difficulty, Kind, World};
 
 /// The families of random worlds, with what each is for.
-pub const FAMILIES: [(&str, &str); 3] = [
-    ("random-line", "one line for the GoPiGo (document C): floors, lights, colours and curves at random"),
-    ("random-lane", "a lane of two lines for the GoPiGo (document C)"),
+pub const FAMILIES: [(&str, &str); 5] = [
+    ("random-line", "one black or white line on a floor as in document C: plain or speckled, matt or glossy"),
+    ("random-lane", "a lane of two such lines for the GoPiGo (document C)"),
+    ("random-line-any", "one line of any colour on any floor, tiles and wood included"),
+    ("random-lane-any", "a lane of two lines of any colour on any floor"),
     ("random-circuit", "a lane of two tapes for the kit car (document A)"),
+];
+
+/// Floors like those of document C: glossy, speckled, irregular.
+const DOCUMENT_C_FLOORS: [&str; 8] = [
+    "plain",
+    "dark",
+    "speckled",
+    "dark-speckled",
+    "glossy",
+    "glossy-dark",
+    "glossy-speckled",
+    "glossy-dark-speckled",
 ];
 
 /// The world of a name such as `random-line:17`; `None` for other names.
@@ -20,10 +34,19 @@ pub fn world(name: &str) -> Result<Option<World>, RunError> {
 
 /// The difficulty of a family.
 pub fn difficulty(family: &str) -> Option<Difficulty> {
+    let any_line = Difficulty::default();
+    // Narrow enough for a camera 54° wide to see both lines: twice C8's half vehicle's width and a little more.
+    let any_lane = Difficulty { kind: Kind::Lane, lane_width_m: [0.13, 0.18], ..Difficulty::default() };
+    let document_c = |any: Difficulty| Difficulty {
+        floors: DOCUMENT_C_FLOORS.map(str::to_owned).to_vec(),
+        colours: vec![Colour::new(24, 24, 26), Colour::new(236, 236, 232)],
+        ..any
+    };
     Some(match family {
-        "random-line" => Difficulty::default(),
-        // Narrow enough for a camera 54° wide to see both lines: twice C8's half vehicle's width and a little more.
-        "random-lane" => Difficulty { kind: Kind::Lane, lane_width_m: [0.13, 0.18], ..Difficulty::default() },
+        "random-line" => document_c(any_line),
+        "random-lane" => document_c(any_lane),
+        "random-line-any" => any_line,
+        "random-lane-any" => any_lane,
         "random-circuit" => Difficulty::lane(),
         _ => return None,
     })
