@@ -4,7 +4,11 @@ use super::write_file;
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand};
 use senda_run::{random, scenario::find_world};
-use senda_world::{FLOOR_PRESETS, LIGHT_PRESETS, VehicleSpec, World, draw, paint};
+use senda_world::{
+    FLOOR_PRESETS, LIGHT_PRESETS, VehicleSpec, World,
+    draw::{self, Ink, Paper, Print, PrintOptions, SHEET_LIMIT},
+    paint,
+};
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -71,6 +75,12 @@ enum What {
         /// a4 or a3
         #[arg(long, default_value = "a4")]
         paper: String,
+        /// Sheets on their long side
+        #[arg(long)]
+        landscape: bool,
+        /// Edges only, to lay tape on
+        #[arg(long)]
+        outline: bool,
     },
 }
 
@@ -93,7 +103,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 bail!("--resolution {resolution}: expected 10 to 2000 pixels a metre");
             }
             let bytes = match extension(&out) {
-                "svg" => Vec::new(),
+                "svg" => draw::svg(&world).into_bytes(),
                 "png" => draw::png(&paint::paint(&world, 1.0 / resolution)),
                 other => bail!("{}: expected a name that ends in .svg or .png, but found `{other}`", out.display()),
             };
@@ -116,10 +126,26 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             println!("{}: {:.2} m", out.display(), world.path.length_m());
             Ok(())
         }
-        What::Print { world, out, paper } => {
+        What::Print { world, out, paper, landscape, outline } => {
             let world = find_world(&world)?;
-            let _ = (world, paper);
-            println!("{}: print every page at 100 % and check the ruler", out.display());
+            let paper = match paper.as_str() {
+                "a4" => Paper::A4,
+                "a3" => Paper::A3,
+                other => bail!("--paper {other}: expected a4 or a3"),
+            };
+            let ink = if outline { Ink::Outline } else { Ink::Full };
+            let options = PrintOptions { paper, landscape, ink, ..PrintOptions::default() };
+            let print = Print::new(&world, &options)
+                .with_context(|| format!("{}: nothing to print, or more than {SHEET_LIMIT} sheets", world.name))?;
+            let (count, (columns, rows)) = (print.sheet_count(), print.grid());
+            if extension(&out) == "pdf" {
+                write_file(&out, &print.pdf())?;
+            } else {
+                for (name, page) in print.svg() {
+                    write_file(&out.join(name), page.as_bytes())?;
+                }
+            }
+            println!("{}: {count} sheets ({columns} x {rows}); print at 100 % and check the ruler", out.display());
             Ok(())
         }
     }
