@@ -86,13 +86,18 @@ impl Components {
         }
     }
 
+    /// Forgets the last picture.
+    pub fn clear(&mut self) {
+        self.runs.clear();
+        self.parents.clear();
+        self.moments.clear();
+    }
+
     /// Finds the components (pixels that touch at an edge or a corner belong together) of a picture given row by row:
     /// `mask_row(y, row)` fills `row`, whose bytes are then 0 or 1; `row` is working memory, as long as the picture is
     /// wide, rounded up to whole words of 8.
     pub fn label(&mut self, height: usize, row: &mut [u8], mut mask_row: impl FnMut(usize, &mut [u8])) {
-        self.runs.clear();
-        self.parents.clear();
-        self.moments.clear();
+        self.clear();
         let mut above = 0..0;
         for y in 0..height {
             mask_row(y, row);

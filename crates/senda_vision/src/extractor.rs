@@ -1,14 +1,14 @@
 //! From a frame to the blobs that may be lines: C3 to C6 in SPEC.
 
 use crate::blob::{Rejection, Scale};
+use crate::blob_pool::{BlobPool, Residue};
 use crate::blur::{FINE_BITS, GaussianBlur};
 use crate::components::Components;
 use crate::luminance::Grey;
 use crate::morphology::LineResidue;
 use crate::simd::{Kernel, Level};
-use crate::{Contrast, ExtractorOptions, LineBlob, RowPoint, WidthProfile};
+use crate::{Contrast, ExtractorOptions, LineBlob, WidthProfile};
 use senda_core::Image;
-use senda_geom::trig;
 
 /// What the log keeps of each extraction (C15 in SPEC), in grey levels of the blurred residue.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -22,10 +22,11 @@ pub struct Statistics {
 }
 
 /// How strongly a frame speaks for dark and for light lines (C4): the sums over all accepted blobs of score times mean
-/// residue.
+/// residue times the part of their rows that the picture's edge does not cut.
 ///
 /// The document sums the scores alone. They know nothing of strength: beside a dark line, under light that falls off
-/// to one side, a faint light shoulder of a few grey levels has a larger box than the line itself.
+/// to one side, a faint light shoulder of a few grey levels has a larger box than the line itself. And the strip of
+/// floor between a line and the picture's edge looks like a line of the other kind, of which half is out of sight.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ContrastScores {
     /// Sum for dark lines.
@@ -53,16 +54,14 @@ pub struct LineExtractor {
     blur: GaussianBlur,
     filter: LineResidue,
     components: Components,
-    /// For each component the index of its blob, or `NONE`.
-    blob_of: Vec<u32>,
-    /// Blobs of this frame first (`found`), then spare ones whose memory waits to be used again.
-    blobs: Vec<LineBlob>,
-    found: usize,
+    pool: BlobPool,
+    fragments: BlobPool,
     rejected: Vec<Rejection>,
     statistics: Statistics,
 }
 
-const NONE: u32 = u32::MAX;
+/// A fragment's area is above this part of a whole line's least area: a guess that lets the farthest dash pass.
+const FRAGMENT_AREA_PART: f64 = 0.3;
 
 /// The image width that lengths in options and limits refer to (C3, C5 in SPEC).
 const REFERENCE_WIDTH_PX: f64 = 320.0;
@@ -102,9 +101,8 @@ impl LineExtractor {
             blur: GaussianBlur::with_level(sigma_px, level),
             filter: LineResidue::with_level(width, widths, level),
             components: Components::with_size(width, height),
-            blob_of: Vec::new(),
-            blobs: Vec::new(),
-            found: 0,
+            pool: BlobPool::default(),
+            fragments: BlobPool::default(),
             rejected: Vec::new(),
             statistics: Statistics::default(),
             width,
@@ -144,7 +142,10 @@ impl LineExtractor {
     pub fn contrast_scores(&mut self, image: &Image) -> ContrastScores {
         let mut total = |contrast| {
             let blobs = self.extract(image, contrast);
-            blobs.iter().map(|blob| blob.score * blob.residue_mean).sum()
+            blobs
+                .iter()
+                .map(|blob| blob.score * blob.residue_mean * blob.whole_part())
+                .sum()
         };
         ContrastScores {
             dark: total(Contrast::Dark),
@@ -178,7 +179,9 @@ impl LineExtractor {
     /// A frame of another size than the extractor's is stretched over it by nearest neighbour, so that a camera that
     /// changes its mode costs precision, not the drive. An empty image gives no blobs.
     pub fn extract(&mut self, image: &Image, contrast: Contrast) -> &[LineBlob] {
-        self.found = 0;
+        self.pool.clear();
+        self.fragments.clear();
+        self.components.clear();
         self.rejected.clear();
         self.statistics = Statistics::default();
         if image.is_empty() || self.grey.is_empty() {
@@ -198,7 +201,40 @@ impl LineExtractor {
 
     /// The accepted blobs of the last [`LineExtractor::extract`].
     pub fn blobs(&self) -> &[LineBlob] {
-        &self.blobs[..self.found]
+        self.pool.blobs()
+    }
+
+    /// Pieces of the last extraction that are as wide as a line but too short or too small to pass C5: dashes, and what
+    /// shows of a line between reflections. For [`crate::LineJoiner`].
+    pub fn fragments(&mut self) -> &[LineBlob] {
+        let Self {
+            fragments,
+            components,
+            scale,
+            options,
+            profile,
+            ..
+        } = self;
+        let limits = &options.limits;
+        let residue = Residue {
+            fine: &self.fine,
+            width: self.width,
+            profile,
+        };
+        let area_min = scale.area_min(limits) * FRAGMENT_AREA_PART;
+        fragments.collect(components, residue, |moments, blob| {
+            if moments.count as f64 <= area_min {
+                return false;
+            }
+            blob.set_moments(moments, scale);
+            match scale.check(blob, limits) {
+                Ok(()) | Err(Rejection::LambdaMin) => false,
+                Err(_) => true,
+            }
+        });
+        fragments.retain(|blob| scale.is_fragment(blob, profile));
+        fragments.sort();
+        fragments.blobs()
     }
 
     /// Why the other components of the last extraction were refused, in the order of their first pixels.
@@ -248,87 +284,36 @@ impl LineExtractor {
     }
 
     fn describe(&mut self) {
-        self.blob_of.clear();
-        for moments in self.components.moments() {
+        let Self {
+            pool,
+            components,
+            rejected,
+            scale,
+            options,
+            profile,
+            ..
+        } = self;
+        let limits = &options.limits;
+        let residue = Residue {
+            fine: &self.fine,
+            width: self.width,
+            profile,
+        };
+        pool.collect(components, residue, |moments, blob| {
             // Most components are specks: their area settles it.
-            if moments.count as f64 <= self.scale.area_min(&self.options.limits) {
-                self.rejected.push(Rejection::Area);
-                self.blob_of.push(NONE);
-                continue;
-            }
-            if self.found == self.blobs.len() {
-                self.blobs.push(LineBlob::default());
-            }
-            let blob = &mut self.blobs[self.found];
-            blob.set_moments(moments, &self.scale);
-            match self.scale.check(blob, &self.options.limits) {
-                Ok(()) => {
-                    self.blob_of.push(self.found as u32);
-                    self.found += 1;
-                }
-                Err(rejection) => {
-                    self.rejected.push(rejection);
-                    self.blob_of.push(NONE);
-                }
-            }
-        }
-        if self.found == 0 {
-            return;
-        }
-        for run in self.components.runs() {
-            let index = self.blob_of[run.component as usize];
-            if index == NONE {
-                continue;
-            }
-            let row = run.y as usize * self.width;
-            let (start, end) = (run.start as usize, run.end as usize);
-            let (mut sum, mut moment) = (0u64, 0u64);
-            for (i, value) in self.fine[row + start..row + end].iter().enumerate() {
-                sum += u64::from(*value);
-                moment += u64::from(*value) * i as u64;
-            }
-            let blob = &mut self.blobs[index as usize];
-            let cos = trig::cos(blob.orientation_rad);
-            let half = 0.5 * self.profile.at(f64::from(run.y) + 0.5) / cos;
-            let u = match (start == 0, end == self.width) {
-                (false, false) => start as f64 + 0.5 + moment as f64 / sum.max(1) as f64,
-                (true, false) => (end as f64 - half).min(end as f64 / 2.0),
-                (false, true) => (start as f64 + half).max((start + end) as f64 / 2.0),
-                (true, true) => self.width as f64 / 2.0,
+            let result = if moments.count as f64 <= scale.area_min(limits) {
+                Err(Rejection::Area)
+            } else {
+                blob.set_moments(moments, scale);
+                scale.check(blob, limits)
             };
-            blob.residue_mean += sum as f64;
-            blob.rows.push(RowPoint {
-                v: f64::from(run.y) + 0.5,
-                u,
-                width_px: (end - start) as f64,
-                at_edge: start == 0 || end == self.width,
-            });
-        }
-        let mut index = 0;
-        while index < self.found {
-            match self
-                .scale
-                .check_widths(&self.blobs[index], &self.profile, &self.options.limits)
-            {
-                Ok(()) => index += 1,
-                Err(rejection) => {
-                    self.rejected.push(rejection);
-                    self.found -= 1;
-                    self.blobs.swap(index, self.found);
-                }
-            }
-        }
-        let blobs = &mut self.blobs[..self.found];
-        for blob in blobs.iter_mut() {
-            blob.residue_mean /= blob.area_px * f64::from(1 << FINE_BITS);
-        }
-        // Equal scores: the upper left one first. The unstable sort allocates nothing.
-        blobs.sort_unstable_by(|a, b| {
-            b.score
-                .total_cmp(&a.score)
-                .then(a.bounds[1].total_cmp(&b.bounds[1]))
-                .then(a.bounds[0].total_cmp(&b.bounds[0]))
+            result.map_err(|rejection| rejected.push(rejection)).is_ok()
         });
+        pool.retain(|blob| {
+            let result = scale.check_widths(blob, profile, limits);
+            result.map_err(|rejection| rejected.push(rejection)).is_ok()
+        });
+        pool.sort();
     }
 }
 

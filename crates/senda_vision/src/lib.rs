@@ -21,22 +21,25 @@
 //!
 //! The way from a frame to a line: [`LineExtractor`] (C3 to C6 in SPEC) delivers [`LineBlob`]s in image coordinates
 //! (u right, v down, pixel centres at +0.5); [`FloorMap`] takes their points to the floor in the vehicle frame
-//! (x forward, y left, m); [`floor_line`] fits straight lines and arcs there and gives the state \[d, θ\] (C9).
+//! (x forward, y left, m); [`floor_line`] fits straight lines and arcs there and gives the state \[d, θ\] (C9);
+//! [`LineJoiner`] takes dashes together.
 //!
 //! This crate does not know who calls it, no files (except text handed to [`calibration`]), no clock, and nothing
 //! about time: each frame stands alone. Which blob is *the* line is the drivers' decision.
 
-pub mod extractor;
-pub mod options;
-pub mod width_profile;
-pub mod luminance;
-pub mod blur;
-pub mod morphology;
-pub mod components;
 pub mod blob;
+pub mod blur;
+pub mod components;
+pub mod extractor;
 pub mod floor_line;
 pub mod floor_map;
+pub mod line_joiner;
+pub mod luminance;
+pub mod morphology;
+pub mod options;
+pub mod width_profile;
 
+mod blob_pool;
 mod simd;
 
 pub mod calibration;
@@ -45,5 +48,6 @@ pub use blob::{LineBlob, Rejection, RowPoint};
 pub use extractor::{ContrastScores, LineExtractor, Statistics};
 pub use floor_line::{FloorLine, LineFitter, LineState};
 pub use floor_map::FloorMap;
+pub use line_joiner::{JoinLimits, LineJoiner};
 pub use options::{BlobLimits, Channel, Contrast, ExtractorOptions};
 pub use width_profile::WidthProfile;
