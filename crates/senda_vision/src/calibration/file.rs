@@ -111,12 +111,13 @@ impl Calibration {
             }),
         };
         let body = toml::to_string(&file).expect("numbers, names and tables are valid TOML");
-        // One point or row of the matrix a line.
-        let body = body
+        // One point or row of the matrix a line. They stand before the first table; behind it a name may hold anything.
+        let (points, tables) = body.split_at(body.find("\n[").unwrap_or(body.len()));
+        let points = format!("{points}\n")
             .replace("[[", "[\n  [")
             .replace("], [", "],\n  [")
             .replace("]]\n", "],\n]\n");
-        format!("{HEAD}{body}")
+        format!("{HEAD}{}{tables}", points.trim_end())
     }
 
     /// Reads a calibration file. Unknown keys are refused, values checked, and the numbers must agree with each other, so

@@ -39,6 +39,19 @@ fn what_was_written_is_read_back_to_the_bit() {
     }
 }
 
+/// The layout of points was done by replacing brackets in the whole file, the camera's name included.
+#[test]
+fn a_name_with_brackets_survives() {
+    let mut calibration = calibrated(true);
+    calibration.camera.as_mut().unwrap().name = "a [[b], [c]]\n[[d]]".into();
+    let text = calibration.to_toml();
+    assert_eq!(
+        Calibration::parse("gopigo.toml", &text).unwrap(),
+        calibration,
+        "{text}"
+    );
+}
+
 #[test]
 fn a_calibration_serves_other_image_sizes() {
     for with_lens in [false, true] {
