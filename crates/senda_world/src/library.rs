@@ -11,10 +11,16 @@ macro_rules! files {
 }
 
 /// Name and text of every world.
-const WORLDS: &[(&str, &str)] = files!("worlds": "straight", "oval");
+const WORLDS: &[(&str, &str)] = files!(
+    "worlds": "straight", "straight-lane", "oval", "oval-lane", "s-curves", "s-curves-lane", "hard-curves",
+    "hard-curves-lane", "circuit-1", "circuit-2", "circuit-3", "circuit-4", "circuit-5", "circuit-6", "unseen-1",
+    "unseen-2", "unseen-3", "unseen-4",
+);
 
 /// Name and text of every vehicle.
-const VEHICLES: &[(&str, &str)] = files!("vehicles": "gopigo", "picar");
+const VEHICLES: &[(&str, &str)] = files!(
+    "vehicles": "gopigo", "picar", "donkeycar", "unicycle",
+);
 
 fn find(
     what: &'static str,

@@ -305,11 +305,7 @@ fn read_pieces(
                 length_m: item.required_f64("length_m", 1e-6, FAR_M)?,
             }],
             "arc" => vec![read_arc(&mut item)?],
-            "clothoid" => vec![Piece::Clothoid {
-                length_m: item.required_f64("length_m", 1e-6, FAR_M)?,
-                start_curvature_per_m: item.f64("start_curvature_per_m", -1e3, 1e3, 0.0)?,
-                end_curvature_per_m: item.f64("end_curvature_per_m", -1e3, 1e3, 0.0)?,
-            }],
+            "clothoid" => vec![read_clothoid(&mut item)?],
             _ => {
                 if index + 1 != count || !closed {
                     return Err(item.problem(
@@ -373,10 +369,31 @@ fn read_arc(item: &mut Table) -> Result<Piece, WorldError> {
     Ok(Piece::Arc { radius_m, turn_rad })
 }
 
+fn read_clothoid(item: &mut Table) -> Result<Piece, WorldError> {
+    let length_m = item.required_f64("length_m", 1e-6, FAR_M)?;
+    let start_curvature_per_m = item.f64("start_curvature_per_m", -1e3, 1e3, 0.0)?;
+    let end_curvature_per_m = item.f64("end_curvature_per_m", -1e3, 1e3, 0.0)?;
+    let turn_rad = length_m * start_curvature_per_m.abs().max(end_curvature_per_m.abs());
+    if turn_rad > 8.0 * PI {
+        // Also a guard: integrating a piece takes time in proportion to its turning.
+        return Err(item.problem(
+            "length_m",
+            "a clothoid of at most four turns",
+            format!("{:.0} turns at its tighter end", turn_rad / (2.0 * PI)),
+            "shorten it or lower its curvature",
+        ));
+    }
+    Ok(Piece::Clothoid {
+        length_m,
+        start_curvature_per_m,
+        end_curvature_per_m,
+    })
+}
+
 /// Two places of a path that come closer than `clearance_m` although they are not neighbours along it: their
 /// stations (m). `None`: no overlap.
 pub fn self_overlap(curve: &Curve, clearance_m: f64) -> Option<(f64, f64)> {
-    let spacing_m = (clearance_m / 3.0)
+    let spacing_m = (clearance_m / 6.0)
         .clamp(0.01, 1.0)
         .max(curve.length_m() / 20_000.0);
     let points = curve.polyline(spacing_m);

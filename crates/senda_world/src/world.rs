@@ -220,6 +220,14 @@ impl World {
         Ok(self)
     }
 
+    /// The same world with all lines in one colour.
+    pub fn with_line_colour(mut self, colour: Colour) -> Self {
+        for marking in &mut self.markings {
+            marking.colour = colour;
+        }
+        self
+    }
+
     /// The same world driven the other way round. Floor, paint and light stay where they are; the lap begins at the
     /// same place on a closed path and at the other end of an open one.
     pub fn reversed(self) -> Self {

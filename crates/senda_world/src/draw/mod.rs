@@ -1,4 +1,13 @@
-//! Pictures of a world: drawings (SVG) and paintings (PNG).
+//! Pictures of a world: drawings (SVG), paintings (PNG) and prints at true scale (PDF, SVG).
+
+mod lines;
+mod map;
+mod pdf;
+mod print;
+mod shape;
+
+pub use map::svg;
+pub use print::{Ink, Paper, Print, PrintOptions, SHEET_LIMIT};
 
 use crate::paint::FloorPainting;
 
