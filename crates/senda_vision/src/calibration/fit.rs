@@ -289,6 +289,10 @@ fn least_squares<const N: usize>(
 
 /// Solves a small linear system by elimination with scaled pivots; `None` when it is singular. Own and plain: a library's
 /// blocked product may use fused instructions where the processor has them, and then the bits differ.
+#[allow(
+    clippy::needless_range_loop,
+    reason = "rows and columns of one matrix are read and written by index"
+)]
 fn solve<const N: usize>(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> Option<[f64; N]> {
     // Unknowns of very different size (metres, radians, pixels): bring the diagonal to 1 first.
     let scale: [f64; N] = std::array::from_fn(|i| 1.0 / matrix[i][i].sqrt());

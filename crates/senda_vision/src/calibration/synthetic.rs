@@ -4,7 +4,7 @@ use super::Sheet;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use senda_core::{Channels, Image};
-use senda_geom::{Camera, Lens, Mounting, Pose2, Vec2};
+use senda_geom::{Camera, Lens, Mounting, Pose2, Vec2, trig};
 
 /// The GoPiGo's camera: 54° x 42.3°, 9.5 cm high, 33° down (C18).
 pub(super) fn gopigo(width_px: u32, height_px: u32) -> Camera {
@@ -50,6 +50,8 @@ pub(super) struct Scene {
     pub(super) gradient: f64,
     /// Light inside a shadow with a straight edge across the sheet; 1: none.
     pub(super) shadow: f64,
+    /// A reflection: its middle (parts of width and height), its radius (part of the width), its brightness (0..255).
+    pub(super) glare: Option<[f64; 4]>,
     /// Standard deviation of the noise, 0..255.
     pub(super) noise: f64,
     pub(super) seed: u64,
@@ -65,6 +67,7 @@ impl Scene {
             paper: 220.0,
             gradient: 1.0,
             shadow: 1.0,
+            glare: None,
             noise: 0.0,
             seed: 1,
         }
@@ -143,7 +146,12 @@ impl Scene {
                 if across + 0.3 * y as f64 / height as f64 > 0.62 {
                     light *= self.shadow;
                 }
-                let value = mean * light + self.noise * normal(&mut random);
+                let shine = self.glare.map_or(0.0, |[u, v, radius, brightness]| {
+                    let down = (y as f64 + 0.5) / height as f64;
+                    let away = Vec2::new(across - u, (down - v) * height as f64 / width as f64) / radius;
+                    brightness * trig::exp(-away.length_squared())
+                });
+                let value = mean * light + shine + self.noise * normal(&mut random);
                 image.row_mut(y)[x] = value.round().clamp(0.0, 255.0) as u8;
             }
         }

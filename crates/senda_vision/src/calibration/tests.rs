@@ -215,6 +215,21 @@ fn blemishes_do_not_move_the_corners() {
             },
         ),
         (
+            "reflection on the floor",
+            Scene {
+                glare: Some([0.15, 0.4, 0.12, 200.0]),
+                floor: Floor::Plain(40.0),
+                ..plain.clone()
+            },
+        ),
+        (
+            "reflection over a square's edge",
+            Scene {
+                glare: Some([0.66, 0.6, 0.05, 90.0]),
+                ..plain.clone()
+            },
+        ),
+        (
             "speckled, from one side",
             Scene {
                 floor: Floor::Speckled,
@@ -236,6 +251,25 @@ fn blemishes_do_not_move_the_corners() {
                 assert!(error_px < 0.3, "{name} {kind} {width}: {error_px} px");
             }
         }
+    }
+}
+
+#[test]
+fn sheets_for_other_vehicles_work_as_well() {
+    // A kit car's camera, higher and further ahead, that sees a sheet beyond its bumper.
+    let mut camera = gopigo(320, 240);
+    camera.mounting.x_m = 0.12;
+    camera.mounting.z_m = 0.16;
+    camera.mounting.tilt_rad = 0.7;
+    for sheet in [Sheet::a4_landscape().moved(0.08), Sheet::a4_portrait().moved(0.1)] {
+        sheet.check().unwrap();
+        let scene = Scene {
+            noise: 2.0,
+            ..Scene::new(&sheet)
+        };
+        let calibration = calibrate(&scene.photograph(&camera), &sheet, &with_lens(&camera)).unwrap();
+        assert!(corner_error(&calibration, &camera, &scene) < 0.2);
+        assert!(floor_error(&calibration, &camera, 0.6) < 1e-3);
     }
 }
 

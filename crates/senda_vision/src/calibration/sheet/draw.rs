@@ -124,7 +124,9 @@ fn ruler(marks: &mut Vec<Mark>, start: [f64; 2], along: [f64; 2], across: [f64; 
         let a = f64::from(centimetre) * 10.0;
         marks.push(line(place(a, 0.0), place(a, high)));
     }
-    for (a, words) in [(1.0, "0"), (91.0, "10 cm")] {
+    // Upright, words stand below their stroke; lying, the last one ends at the ruler's end.
+    let last = if across[0] > 0.0 { 101.0 } else { 91.0 };
+    for (a, words) in [(1.0, "0"), (last, "10 cm")] {
         let at = place(a, 5.0);
         let words = words.to_owned();
         marks.push(Mark::Text { at, size: 3.0, words });
