@@ -7,7 +7,7 @@ use crate::components::Components;
 use crate::luminance::Grey;
 use crate::morphology::LineResidue;
 use crate::simd::{Kernel, Level};
-use crate::{Contrast, ExtractorOptions, LineBlob, WidthProfile};
+use crate::{Channel, Contrast, ExtractorOptions, LineBlob, WidthProfile};
 use senda_core::Image;
 
 /// What the log keeps of each extraction (C15 in SPEC), in grey levels of the blurred residue.
@@ -132,10 +132,9 @@ impl LineExtractor {
         self.filter.widths()
     }
 
-    /// Looks for the channel and contrast in which this frame shows its lines best (C4, and coloured tape of the
-    /// floor's brightness: A5 in SPEC), and uses that channel from now on. Luminance unless another is clearly better.
-    pub fn decide(&mut self, image: &Image) -> Contrast {
-        self.decide_contrast(image)
+    /// Looks for lines in another channel from now on.
+    pub fn use_channel(&mut self, channel: Channel) {
+        self.options.channel = channel;
     }
 
     /// Both ways of looking at a frame (C4).

@@ -40,6 +40,7 @@ pub mod options;
 pub mod width_profile;
 
 mod blob_pool;
+mod channel_choice;
 mod simd;
 
 pub mod calibration;

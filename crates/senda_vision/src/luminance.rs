@@ -9,8 +9,8 @@ use senda_core::{Channels, Image};
 pub(crate) enum Grey {
     Luminance,
     Chroma,
-    /// Weights with 7 fraction bits.
-    Projection([i16; 3]),
+    /// Weights with 7 fraction bits, and the offset.
+    Projection([i16; 3], i32),
 }
 
 impl Grey {
@@ -18,9 +18,16 @@ impl Grey {
         match channel {
             Channel::Luminance => Self::Luminance,
             Channel::Chroma => Self::Chroma,
-            Channel::Projection { red, green, blue } => {
+            Channel::Projection {
+                red,
+                green,
+                blue,
+                offset,
+            } => {
                 let fixed = |weight: f64| (weight.clamp(-1.0, 1.0) * 128.0).round() as i16;
-                Self::Projection([fixed(red), fixed(green), fixed(blue)])
+                // Rounds to the nearest: half a grey level is 64.
+                let offset = (offset.clamp(-1000.0, 1000.0) * 128.0).round() as i32 + 64;
+                Self::Projection([fixed(red), fixed(green), fixed(blue)], offset)
             }
         }
     }
@@ -40,11 +47,11 @@ impl Grey {
                 ((77 * u16::from(r) + 150 * u16::from(g) + 29 * u16::from(b) + 128) >> 8) as u8
             }
             Self::Chroma => r.max(g).max(b) - r.min(g).min(b),
-            Self::Projection([red, green, blue]) => {
+            Self::Projection([red, green, blue], offset) => {
                 let sum = i32::from(red) * i32::from(r)
                     + i32::from(green) * i32::from(g)
                     + i32::from(blue) * i32::from(b);
-                (128 + ((sum + 64) >> 7)).clamp(0, 255) as u8
+                ((sum + offset) >> 7).clamp(0, 255) as u8
             }
         }
     }
@@ -92,7 +99,9 @@ impl Kernel for Convert<'_> {
         match self.grey {
             Grey::Luminance => convert(Grey::Luminance, self.pixels, self.target),
             Grey::Chroma => convert(Grey::Chroma, self.pixels, self.target),
-            Grey::Projection(weights) => convert(Grey::Projection(weights), self.pixels, self.target),
+            Grey::Projection(weights, offset) => {
+                convert(Grey::Projection(weights, offset), self.pixels, self.target);
+            }
         }
     }
 }
@@ -129,7 +138,7 @@ mod tests {
 
         #[test]
         fn projections_are_within_three_levels(r: u8, g: u8, b: u8, red in -1.0..1.0f64, green in -1.0..1.0f64) {
-            let channel = Channel::Projection { red, green, blue: -0.5 };
+            let channel = Channel::Projection { red, green, blue: -0.5, offset: 128.0 };
             let exact = 128.0 + red * f64::from(r) + green * f64::from(g) - 0.5 * f64::from(b);
             let exact = exact.clamp(0.0, 255.0);
             prop_assert!((f64::from(grey_of(channel, [r, g, b])) - exact).abs() < 2.6);

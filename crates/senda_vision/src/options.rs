@@ -21,7 +21,7 @@ pub enum Channel {
     Luminance,
     /// max(R, G, B) - min(R, G, B): coloured tape on a grey floor, whatever its hue and brightness.
     Chroma,
-    /// 128 + red · R + green · G + blue · B, clamped to 0..=255: a direction in colour space that separates a
+    /// offset + red · R + green · G + blue · B, clamped to 0..=255: a direction in colour space that separates a
     /// certain tape from a certain floor. [`crate::LineExtractor::decide`] finds one from a frame.
     Projection {
         /// Weight of red, -1..=1.
@@ -30,6 +30,8 @@ pub enum Channel {
         green: f64,
         /// Weight of blue, -1..=1.
         blue: f64,
+        /// Grey level of black.
+        offset: f64,
     },
 }
 

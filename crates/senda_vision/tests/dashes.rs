@@ -56,7 +56,7 @@ fn dashes_become_the_line_that_they_are() {
                 (0.0, 0.0, 0.0),
                 (0.02, 0.2, 0.0),
                 (0.0, 0.0, 1.0),
-                (0.0, 0.0, -3.0),
+                (0.0, 0.0, -2.0),
             ] {
                 let line = Line {
                     dash_m: Some(dash_m),

@@ -4,7 +4,8 @@ mod support;
 
 use senda_core::{Channels, Image};
 use senda_vision::{
-    BlobLimits, Contrast, ExtractorOptions, FloorLine, FloorMap, LineExtractor, LineFitter, WidthProfile,
+    BlobLimits, Channel, Contrast, ExtractorOptions, FloorLine, FloorMap, LineExtractor, LineFitter,
+    WidthProfile,
 };
 use support::{Floor, Line, gopigo_camera, grey, render};
 
@@ -264,6 +265,59 @@ fn colour_and_grey_pictures_give_the_same_blobs() {
     );
     let from_colour = eye.extractor.extract(&image, Contrast::Dark).to_vec();
     assert_eq!(from_colour, eye.extractor.extract(&grey(&image), Contrast::Dark));
+}
+
+#[test]
+fn tape_of_the_floors_brightness_is_found_by_its_colour() {
+    // Pink on grey, blue on grey, green on red: all of luminance 140 within one level.
+    let tapes = [
+        ([140.0, 140.0, 140.0], [205.0, 104.0, 155.0]),
+        ([140.0, 140.0, 140.0], [90.0, 150.0, 220.0]),
+        ([200.0, 115.0, 112.0], [90.0, 165.0, 142.0]),
+    ];
+    let mut eye = Eye::new(160, 120);
+    for (floor_color, tape) in tapes {
+        let floor = Floor {
+            color: floor_color,
+            speckle: 20.0,
+            gradient: 0.15,
+            noise: 3.0,
+            ..Floor::plain(0.0)
+        };
+        let line = Line {
+            color: tape,
+            ..Line::straight(0.02, -0.15, 0.0)
+        };
+        let image = render(&gopigo_camera(160, 120), &floor, &[line]);
+        let contrast = eye.extractor.decide(&image);
+        assert_ne!(eye.extractor.options().channel, Channel::Luminance, "{tape:?}");
+        let blobs = eye.extractor.extract(&image, contrast);
+        assert_eq!(blobs.len(), 1, "{tape:?}");
+        let state = eye.fitter.straight(blobs, &eye.map).unwrap().state();
+        assert!(
+            (state.d_m - 0.02).abs() < 3e-3 && (state.theta_rad + 0.15).abs() < 0.03,
+            "{tape:?} {state:?}"
+        );
+    }
+}
+
+#[test]
+fn black_and_white_tape_keep_luminance() {
+    let mut eye = Eye::new(160, 120);
+    for (contrast, floor, line) in TAPES {
+        let floor = Floor {
+            speckle: 20.0,
+            noise: 4.0,
+            ..Floor::plain(floor)
+        };
+        let image = render(
+            &gopigo_camera(160, 120),
+            &floor,
+            &[Line::straight(-0.01, 0.1, line)],
+        );
+        assert_eq!(eye.extractor.decide(&image), contrast);
+        assert_eq!(eye.extractor.options().channel, Channel::Luminance);
+    }
 }
 
 #[test]

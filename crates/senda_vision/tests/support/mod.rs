@@ -5,7 +5,8 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use senda_core::{Channels, Image};
-use senda_geom::{Camera, Lens, Mounting, Pose2, Vec2};
+use senda_geom::{Camera, Lens, Mounting, Pose2, Vec2, trig};
+use senda_vision::FloorMap;
 
 /// The camera of C in SPEC: 54° x 42.3°, 9.5 cm high, 33° down.
 pub fn gopigo_camera(width: u32, height: u32) -> Camera {
@@ -65,8 +66,8 @@ impl Line {
         let radius = 1.0 / self.curvature_per_m;
         let from_centre = at - Vec2::new(0.0, radius);
         let offset = radius.signum() * (radius.abs() - from_centre.length());
-        let turn = (from_centre.x * radius.signum()).atan2(-from_centre.y * radius.signum());
-        (turn * radius.abs() * 1.0, offset)
+        let turn = trig::atan2(from_centre.x, -from_centre.y * radius.signum());
+        (turn * radius.abs(), offset)
     }
 }
 
@@ -108,54 +109,59 @@ fn hash(i: i64, j: i64, seed: u64) -> f64 {
 /// The picture that `camera` takes.
 pub fn render(camera: &Camera, floor: &Floor, lines: &[Line]) -> Image {
     let (width, height) = (camera.width_px as usize, camera.height_px as usize);
+    let map = FloorMap::from_camera(camera, width, height);
     let mut image = Image::new(width, height, Channels::Rgb);
     let mut random = ChaCha8Rng::seed_from_u64(floor.seed);
     for y in 0..height {
+        let row = image.row_mut(y);
         for x in 0..width {
             let mut sum = [0.0; 3];
             for (du, dv) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
                 let pixel = Vec2::new(x as f64 + du, y as f64 + dv);
-                let mut color = [90.0; 3];
-                if let Some(point) = camera.floor_from_pixel(pixel) {
-                    color = floor.color;
-                    let speck = floor.speckle
-                        * (hash(
-                            (point.x / 0.004).floor() as i64,
-                            (point.y / 0.004).floor() as i64,
-                            floor.seed,
-                        ) - 0.5);
-                    color = color.map(|c| c + speck);
-                    for line in lines {
-                        let (station, offset) = line.place(point);
-                        let painted = line
-                            .dash_m
-                            .is_none_or(|(dash, gap)| station.rem_euclid(dash + gap) < dash)
-                            && hash(
-                                (point.x / 0.003) as i64,
-                                (point.y / 0.003).floor() as i64,
-                                floor.seed + 7,
-                            ) >= line.wear;
-                        if painted && offset.abs() < line.width_m / 2.0 {
-                            color = line.color;
-                        }
-                    }
-                }
-                let light = 1.0 - floor.gradient * pixel.x / width as f64;
+                let color = map
+                    .floor(pixel)
+                    .map_or([90.0; 3], |point| color_at(point, floor, lines));
                 for (sum, color) in sum.iter_mut().zip(color) {
-                    *sum += 0.25 * color * light;
+                    *sum += 0.25 * color;
                 }
             }
+            let light = 1.0 - floor.gradient * (x as f64 + 0.5) / width as f64;
             for (i, value) in sum.iter().enumerate() {
-                // Sum of four uniform numbers: close enough to a Gaussian, standard deviation 1/√3.
-                let gauss: f64 = (0..4)
-                    .map(|_| random.next_u32() as f64 / u32::MAX as f64 - 0.5)
-                    .sum::<f64>()
-                    * 3f64.sqrt();
-                image.row_mut(y)[3 * x + i] = (value + floor.noise * gauss).round().clamp(0.0, 255.0) as u8;
+                // Sum of four uniform numbers of 0..=255: close to a Gaussian of standard deviation 147.8.
+                let bytes = random.next_u32().to_le_bytes();
+                let gauss = (bytes.iter().map(|byte| f64::from(*byte)).sum::<f64>() - 510.0) / 147.8;
+                row[3 * x + i] = (value * light + floor.noise * gauss).round().clamp(0.0, 255.0) as u8;
             }
         }
     }
     image
+}
+
+/// Colour of a floor point before the light.
+fn color_at(point: Vec2, floor: &Floor, lines: &[Line]) -> [f64; 3] {
+    let cell = |size: f64, seed: u64| {
+        hash(
+            (point.x / size).floor() as i64,
+            (point.y / size).floor() as i64,
+            seed,
+        )
+    };
+    for line in lines {
+        let (station, offset) = line.place(point);
+        if offset.abs() < line.width_m / 2.0
+            && line
+                .dash_m
+                .is_none_or(|(dash, gap)| station.rem_euclid(dash + gap) < dash)
+            && (line.wear == 0.0 || cell(0.003, floor.seed + 7) >= line.wear)
+        {
+            return line.color;
+        }
+    }
+    if floor.speckle == 0.0 {
+        return floor.color;
+    }
+    let speck = floor.speckle * (cell(0.004, floor.seed) - 0.5);
+    floor.color.map(|c| c + speck)
 }
 
 /// The luminance of an RGB image.
