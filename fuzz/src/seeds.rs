@@ -14,7 +14,10 @@ pub fn seeds(target: &str) -> Vec<(String, Vec<u8>)> {
     match target {
         "world" => files(&root().join("worlds")),
         "vehicle" => files(&root().join("vehicles")),
-        "calibration" => vec![("good".into(), calibration())],
+        "calibration" => vec![
+            ("homography".into(), calibration(false)),
+            ("camera".into(), calibration(true)),
+        ],
         "tub" => vec![("good".into(), tub())],
         "udacity" => vec![("good".into(), UDACITY.as_bytes().to_vec())],
         "archive" => vec![("tub".into(), archive())],
@@ -174,7 +177,7 @@ fn archive() -> Vec<u8> {
 }
 
 /// A calibration file from a picture of the sheet as a vehicle's camera sees it: 4x4 looks a pixel.
-fn calibration() -> Vec<u8> {
+fn calibration(with_lens: bool) -> Vec<u8> {
     let sheet = Sheet::a4_portrait();
     let mounting = Mounting {
         x_m: 0.0,
@@ -212,7 +215,13 @@ fn calibration() -> Vec<u8> {
             image.row_mut(v as usize)[u as usize] = 225 - 12 * looks.count() as u8;
         }
     }
-    let calibration =
-        calibrate(&image, &sheet, &CalibrationOptions::default()).expect("a clear picture of the sheet");
+    let options = CalibrationOptions {
+        lens: with_lens.then_some(camera.lens),
+        ..CalibrationOptions::default()
+    };
+    let mut calibration = calibrate(&image, &sheet, &options).expect("a clear picture of the sheet");
+    if let Some(camera) = &mut calibration.camera {
+        camera.name = "a [[name]], ['of'] \"signs\"".into();
+    }
     calibration.to_toml().into_bytes()
 }
