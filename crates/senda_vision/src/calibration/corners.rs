@@ -136,7 +136,15 @@ fn find_in(
             second_choice.get_or_insert(pair);
         }
         match tops.peek() {
-            Some(next) => regions_here = regions(mask, *next),
+            Some(next)
+                if regions_here
+                    .iter()
+                    .any(|r| r.bounds[1] < *next && r.bounds[3] > *next) =>
+            {
+                regions_here = regions(mask, *next);
+            }
+            // The cut goes through none of them: the same, without those above it.
+            Some(next) => regions_here.retain(|region| region.bounds[1] >= *next),
             None => break,
         }
     }
