@@ -132,7 +132,8 @@ fn parse_option(option: &str) -> Result<toml::Table> {
         .with_context(|| format!("--option {option}: the value is not TOML"))
 }
 
-fn merge(into: &mut toml::Table, from: toml::Table) {
+/// Lays one table over another, key by key.
+pub(crate) fn merge(into: &mut toml::Table, from: toml::Table) {
     for (key, value) in from {
         match (into.get_mut(&key), value) {
             (Some(toml::Value::Table(old)), toml::Value::Table(new)) => merge(old, new),

@@ -1,7 +1,7 @@
 //! `senda replay`: a driver over recorded or real frames.
 
 use super::{
-    drive::parse_option_list,
+    drive::{merge, parse_option_list},
     report::{PageRun, command_line, page},
     write_file,
 };
@@ -15,6 +15,17 @@ use senda_eval::{
 };
 use senda_run::{replay, scenario::find_vehicle};
 use std::path::{Path, PathBuf};
+
+/// The lane driver on frames of somebody else's car. The curve form predicts the road from its own commands, which this
+/// vehicle does not obey, so each frame must speak for itself; a car for races has wider lanes and lines than the
+/// GoPiGo and looks further ahead (m), in the proportion of their sizes (guess).
+const FOREIGN_LANE: [&str; 5] = [
+    "form=\"document\"",
+    "follow.look_ahead_m=1.2",
+    "shape.widest_m=0.9",
+    "sight.line_width_m=0.05",
+    "loss.stop_after_m=100",
+];
 
 #[derive(Args)]
 pub(crate) struct Arguments {
@@ -73,8 +84,13 @@ fn warn(recording: &Recording) {
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let (recording, foreign) = open(&arguments.data, &arguments.vehicle)?;
     let driver = arguments.driver.clone().or_else(|| foreign.then(|| "lane".to_owned()));
-    let options =
-        replay::Options { driver, speed_mps: arguments.speed, driver_options: parse_option_list(&arguments.options)? };
+    let mut driver_options = toml::Table::new();
+    if foreign && driver.as_deref() == Some("lane") {
+        driver_options = parse_option_list(&FOREIGN_LANE.map(str::to_owned))?;
+        eprintln!("options for a vehicle that does not obey: {}", FOREIGN_LANE.join(" "));
+    }
+    merge(&mut driver_options, parse_option_list(&arguments.options)?);
+    let options = replay::Options { driver, speed_mps: arguments.speed, driver_options };
     let changed = options.driver.as_deref().is_some_and(|driver| driver != recording.header.driver)
         || options.speed_mps.is_some()
         || !options.driver_options.is_empty();
