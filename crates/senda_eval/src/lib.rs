@@ -20,7 +20,7 @@
 //! assert!((found.lane_error.unwrap().mean - 0.03).abs() < 1e-9);
 //! ```
 //!
-//! [`metrics`] are pure functions over true poses (B7 and B8 in SPEC, laps, departures, smoothness), [`agreement`]
+//! [`metrics`] are pure functions over true poses (B7 and B8 in SPEC, laps, departures, smoothness), [`mod@agreement`]
 //! compares two drivers on the same frames, [`statistics`] gives rates and means their intervals, [`Summary`] is one run in
 //! figures, [`plot`] draws SVG, [`report`] makes the pages.
 //!

@@ -146,7 +146,12 @@ impl Summary {
             Some(course) if !truths.is_empty() => metrics::measure(course, &truths),
             _ => without_truth(recording),
         };
-        let losses = metrics::losses(recording.steps.iter().map(|step| (step.stamp.as_s(), &step.explanation)));
+        let losses = metrics::losses(
+            recording
+                .steps
+                .iter()
+                .map(|step| (step.stamp.as_s(), &step.explanation)),
+        );
         let smoothness = metrics::smoothness(&motions(recording));
         Self {
             vehicle: recording.header.body.name.clone(),

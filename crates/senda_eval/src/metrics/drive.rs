@@ -1,8 +1,9 @@
 //! Where the vehicle was relative to the road: lane error, heading error, laps, departures.
 
 use super::Course;
+use crate::statistics::mean;
 use senda_core::Truth;
-use senda_geom::{Tracker, angle, trig};
+use senda_geom::{Place, Pose2, Tracker, angle, trig};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;
 
@@ -57,6 +58,25 @@ impl Trace {
     /// Whether there is no row.
     pub fn is_empty(&self) -> bool {
         self.time_s.is_empty()
+    }
+
+    fn push(
+        &mut self,
+        course: &Course,
+        truth: &Truth,
+        place: Place,
+        progress_m: f64,
+        heading_error_rad: f64,
+        inside: bool,
+    ) {
+        self.time_s.push(truth.stamp.as_s());
+        self.station_m.push(place.station_m);
+        self.progress_m.push(progress_m);
+        self.percent.push(course.percent_at(place.station_m));
+        self.offset_m.push(place.offset_m);
+        self.heading_error_rad.push(heading_error_rad);
+        self.inside.push(inside);
+        self.speed_mps.push(truth.speed_mps);
     }
 
     /// Number of rows that count: up to and including the one at which the goal was reached.
@@ -118,10 +138,16 @@ pub struct Metrics {
 /// Follows the true poses along the course: one row for each, in order.
 pub fn trace(course: &Course, truths: &[Truth]) -> Trace {
     let mut rows = Trace::default();
-    let Some(first) = truths.first() else {
+    if truths.is_empty() {
         return rows;
-    };
-    let point = first.world_from_vehicle.position();
+    }
+    let first = truths
+        .iter()
+        .map(|truth| truth.world_from_vehicle)
+        .find(is_a_place);
+    let point = first
+        .unwrap_or_else(|| course.path.pose_at(course.start_station_m))
+        .position();
     // Where the path comes by twice, the branch of the starting line is meant.
     let anywhere = course.path.project(point);
     let at_start = course.path.project_near(point, course.start_station_m, 1.0);
@@ -139,6 +165,23 @@ pub fn trace(course: &Course, truths: &[Truth]) -> Trace {
     let mut before: Option<(senda_geom::Vec2, f64)> = None;
     for truth in truths {
         let pose = truth.world_from_vehicle;
+        if !is_a_place(&pose) {
+            // Nobody knows where it is: outside, and no further than before.
+            inside = false;
+            let station_m = rows.station_m.last().copied().unwrap_or(begin.station_m);
+            rows.push(
+                course,
+                truth,
+                Place {
+                    station_m,
+                    offset_m: f64::NAN,
+                },
+                tracker.travelled_m(),
+                f64::NAN,
+                false,
+            );
+            continue;
+        }
         let place = tracker.advance(course.path, pose.position());
         let road_rad = course.path.pose_at(place.station_m).heading_rad;
         let limit_m = if inside {
@@ -169,14 +212,7 @@ pub fn trace(course: &Course, truths: &[Truth]) -> Trace {
         before = Some((pose.position(), road_rad));
 
         let progress_m = tracker.travelled_m();
-        rows.time_s.push(truth.stamp.as_s());
-        rows.station_m.push(place.station_m);
-        rows.progress_m.push(progress_m);
-        rows.percent.push(course.percent_at(place.station_m));
-        rows.offset_m.push(place.offset_m);
-        rows.heading_error_rad.push(heading_error_rad);
-        rows.inside.push(inside);
-        rows.speed_mps.push(truth.speed_mps);
+        rows.push(course, truth, place, progress_m, heading_error_rad, inside);
         if rows.finished_at.is_none() && goal_m.is_some_and(|goal| progress_m >= goal - GOAL_TOLERANCE_M) {
             rows.finished_at = Some(rows.len() - 1);
         }
@@ -185,6 +221,11 @@ pub fn trace(course: &Course, truths: &[Truth]) -> Trace {
         rows.inside.fill(false);
     }
     rows
+}
+
+/// Whether a pose is one: finite, and nearer than the moon.
+fn is_a_place(pose: &Pose2) -> bool {
+    pose.x_m.abs() < 1e8 && pose.y_m.abs() < 1e8 && pose.heading_rad.is_finite()
 }
 
 /// The figures of a drive: B7 and B8 in SPEC, laps, departures, speed.
@@ -219,7 +260,9 @@ pub(crate) fn measure_trace(course: &Course, truths: &[Truth], rows: &Trace) -> 
         }
         if i > 0 {
             let position = |row: usize| truths[row].world_from_vehicle.position();
-            metrics.distance_m += (position(i) - position(i - 1)).length();
+            let moved_m = (position(i) - position(i - 1)).length();
+            let known = rows.offset_m[i].is_finite() && rows.offset_m[i - 1].is_finite();
+            metrics.distance_m += if known { moved_m } else { 0.0 };
             metrics.reversed_m += (rows.progress_m[i - 1] - rows.progress_m[i]).max(0.0);
             let gained_m = (rows.progress_m[i] - furthest_m).max(0.0);
             furthest_m = furthest_m.max(rows.progress_m[i]);
@@ -271,11 +314,14 @@ pub(crate) fn measure_trace(course: &Course, truths: &[Truth], rows: &Trace) -> 
         time_s: missing_s,
         cost,
     };
-    let raw_lane: Vec<f64> = rows.offset_m[..count].iter().map(|offset| offset.abs()).collect();
-    let raw_heading: Vec<f64> = rows.heading_error_rad[..count]
-        .iter()
-        .map(|error| error.abs())
-        .collect();
+    let raw = |values: &[f64]| -> Vec<f64> {
+        values[..count]
+            .iter()
+            .map(|value| value.abs())
+            .filter(|value| value.is_finite())
+            .collect()
+    };
+    let (raw_lane, raw_heading) = (raw(&rows.offset_m), raw(&rows.heading_error_rad));
     metrics.lane_error = Some(lane_sums.figures(&lane, &raw_lane, undriven(course.corridor_half_width_m)));
     metrics.heading_error = Some(heading_sums.figures(&heading, &raw_heading, undriven(FRAC_PI_2)));
     metrics
@@ -336,10 +382,9 @@ impl Sums {
         self.time_s += step_s;
     }
 
-    /// `counted` is the error of each frame with departures punished, `raw` without; neither is empty.
+    /// `counted` is the error of each frame with departures punished and never empty, `raw` without.
     fn figures(&self, counted: &[f64], raw: &[f64], missing: Missing) -> ErrorFigures {
-        let frames = raw.len() as f64;
-        let mean_of_frames = counted.iter().sum::<f64>() / frames;
+        let mean_of_frames = mean(counted).unwrap_or(0.0);
         let owed = missing.road_m > 0.0;
         let mean_over_time = if owed && missing.time_s.is_infinite() {
             missing.cost.max(mean_of_frames)
@@ -351,17 +396,17 @@ impl Sums {
             mean_of_frames
         };
         let road_m = self.road_m + missing.road_m;
-        let mean = if road_m > 0.0 {
+        let over_road = if road_m > 0.0 {
             (self.by_road + missing.road_m * missing.cost) / road_m
         } else {
             mean_over_time
         };
         let max = counted.iter().copied().fold(0.0, f64::max);
         ErrorFigures {
-            mean,
+            mean: over_road,
             max: if owed { max.max(missing.cost) } else { max },
             mean_over_time,
-            mean_as_defined: raw.iter().sum::<f64>() / frames,
+            mean_as_defined: mean(raw).unwrap_or(mean_of_frames),
             max_as_defined: raw.iter().copied().fold(0.0, f64::max),
         }
     }

@@ -261,7 +261,21 @@ fn hostile_poses_do_not_panic() {
     truths[5].world_from_vehicle.x_m = f64::NAN;
     truths[6].world_from_vehicle.heading_rad = f64::INFINITY;
     truths[7].world_from_vehicle.x_m = 1e300;
-    let _ = measure(&course(&path, Some(1.0)), &truths);
+    let found = measure(&course(&path, Some(1.0)), &truths);
+    // They count as outside; the rest of the run as it is.
+    assert_eq!((found.departures, found.frames), (1, 21));
+    close(found.progress_m, 2.0, 1e-6);
+    close(found.distance_m, 1.6, 1e-2);
+    close(found.lane_error.unwrap().mean_as_defined, 0.0, 1e-6);
+    assert!(found.lane_error.unwrap().mean.is_finite() && found.heading_error.unwrap().mean.is_finite());
+    for truth in &mut truths {
+        truth.world_from_vehicle.y_m = f64::NAN;
+    }
+    let nowhere = measure(&course(&path, Some(1.0)), &truths);
+    close(nowhere.lane_error.unwrap().mean, HALF_WIDTH_M, 1e-9);
+    truths
+        .iter_mut()
+        .for_each(|truth| truth.world_from_vehicle = Pose2::default());
     assert_eq!(measure(&course(&path, Some(1.0)), &[]).completion, Some(0.0));
     let one = measure(&course(&path, None), &truths[..1]);
     close(one.lane_error.unwrap().mean, 0.0, 1e-9);

@@ -77,8 +77,17 @@ mod tests {
 
     #[test]
     fn a_short_gap_is_no_loss_and_a_long_one_counts_once() {
-        assert_eq!((count(&[1, 0, 0, 1, 0, 1]).lost, count(&[1, 0, 0, 1, 0, 1]).gaps), (0, 2));
-        assert_eq!((count(&[1, 0, 0, 0, 0, 0, 0, 1]).lost, count(&[1, 0, 0, 0, 0, 0, 0, 1]).gaps), (1, 1));
+        assert_eq!(
+            (count(&[1, 0, 0, 1, 0, 1]).lost, count(&[1, 0, 0, 1, 0, 1]).gaps),
+            (0, 2)
+        );
+        assert_eq!(
+            (
+                count(&[1, 0, 0, 0, 0, 0, 0, 1]).lost,
+                count(&[1, 0, 0, 0, 0, 0, 0, 1]).gaps
+            ),
+            (1, 1)
+        );
         assert_eq!(count(&[1, 0, 0, 0, 1, 0, 0, 0]).lost, 2);
     }
 

@@ -5,6 +5,7 @@
 //! beside the human. The same input gives the same bytes. Text from files (world names, driver names, events) can
 //! neither act nor load anything: it is escaped, and the page forbids every script but its own.
 
+mod columns;
 mod frames;
 mod page;
 mod plots;

@@ -1,7 +1,7 @@
 //! Which plots a run has, and what each caption says.
 
+use super::columns::Columns;
 use super::page::{Figure, Table};
-use super::run::Columns;
 use super::signals::Column;
 use crate::plot::{Axis, LinePlot, Rule, Series, Span, Stroke};
 use crate::text;

@@ -31,6 +31,7 @@
       this.ready = true;
       const find = (selector) => this.section.querySelector(selector);
       this.data = JSON.parse(find("script.data").textContent);
+      this.data.time = this.data.t;
       this.canvas = find("canvas");
       this.overlay = find(".overlay");
       this.event = find(".event");
@@ -160,7 +161,8 @@
       if (image && image !== this.shown) {
         this.shown = image;
         if (image.complete && image.naturalWidth) this.paint(image);
-        this.overlay.replaceChildren(...frames[low].shapes.map(drawn));
+        const width = this.overlay.viewBox.baseVal.width;
+        this.overlay.replaceChildren(...frames[low].shapes.map((shape) => drawn(shape, width)));
       }
       const near = this.data.events.find(([step]) => step <= this.step && this.data.t[this.step] - this.data.t[step] < 0.8);
       this.event.classList.toggle("on", !!near);
@@ -212,7 +214,7 @@
   }
 
   // A detection as an SVG node: ["line", colour, closed, u, v, ...], ["circle", colour, u, v, r], ["text", colour, u, v, word].
-  const drawn = ([kind, colour, ...rest]) => {
+  const drawn = ([kind, colour, ...rest], width) => {
     if (kind === "line") {
       const [closed, ...numbers] = rest;
       const points = [];
@@ -224,7 +226,10 @@
     if (kind === "circle") {
       return svgNode("circle", { cx: rest[0], cy: rest[1], r: rest[2], fill: "none", stroke: colour, "stroke-width": 2 });
     }
-    const node = svgNode("text", { x: rest[0], y: rest[1], fill: colour });
+    // Letters of one size whatever the camera's, moved left where they would leave the picture.
+    const size = 0.042 * width, length = 0.6 * size * rest[2].length;
+    const x = Math.max(Math.min(rest[0], width - length - 1), 1);
+    const node = svgNode("text", { x, y: rest[1], fill: colour, "font-size": size, "stroke-width": 0.18 * size });
     node.textContent = rest[2];
     return node;
   };

@@ -1,16 +1,17 @@
 //! One run in a report: key figures, player, map, plots.
 
+use super::columns::{Columns, columns};
 use super::frames::{self, Film};
 use super::page::{Card, Row, Section, Table};
 use super::plots::{self, Group};
-use super::signals::{Column, FRAME_TIME, Scale, fixed_numbers};
+use super::signals::{Column, fixed_numbers};
 use crate::Summary;
-use crate::metrics::{self, Course, Trace};
+use crate::metrics::Course;
 use crate::plot::{Map, MapStyle, Track};
 use crate::text;
-use senda_core::{Steering, Truth};
-use senda_data::{Recording, Step};
-use senda_geom::{Vec2, angle};
+use senda_core::Truth;
+use senda_data::Recording;
+use senda_geom::Vec2;
 use senda_world::World;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -56,26 +57,6 @@ pub(super) struct RunSection {
     /// Title, text, and whether it is for copying.
     details: Vec<(String, String, bool)>,
     data: String,
-}
-
-/// A recorded run as columns over its steps.
-pub(super) struct Columns {
-    /// Time since the run began (s).
-    pub(super) time_s: Vec<f64>,
-    /// Per cent of lap; `NaN` without a true pose. `None` without a course.
-    pub(super) percent: Option<Vec<f64>>,
-    /// Whether the vehicle counted as inside the corridor.
-    pub(super) inside: Vec<bool>,
-    /// Half width of the corridor (m).
-    pub(super) half_width_m: Option<f64>,
-    /// Everything that is plotted or read out.
-    pub(super) list: Vec<Column>,
-}
-
-impl Columns {
-    pub(super) fn get(&self, key: &str) -> Option<&Column> {
-        self.list.iter().find(|column| column.key == key)
-    }
 }
 
 /// More steps than these are thinned for the page's script; plots and figures use all.
@@ -404,110 +385,6 @@ fn events(recording: &Recording, stride: usize) -> Vec<(usize, f64, String)> {
     events
 }
 
-/// Everything that can be plotted over the steps.
-pub(super) fn columns(run: &ReportRun, course: Option<&Course>) -> Columns {
-    let steps = &run.recording.steps;
-    let body = &run.recording.header.body;
-    let scale = Scale::of(body);
-    let count = steps.len();
-    let mut list = Vec::new();
-    let mut add = |key: &str, name: &str, si_name: &str, values: Vec<f64>| {
-        list.push(Column::from_si(key, name, si_name, scale, values));
-    };
-    let mut percent = None;
-    let mut inside = vec![true; count];
-    if let Some(course) = course {
-        let places: Vec<usize> = (0..count).filter(|i| steps[*i].truth.is_some()).collect();
-        let truths = crate::summary::truths(run.recording);
-        let rows: Trace = metrics::trace(course, &truths);
-        let spread = |values: &[f64]| {
-            let mut spread = vec![f64::NAN; count];
-            for (place, value) in places.iter().zip(values) {
-                spread[*place] = *value;
-            }
-            spread
-        };
-        for (place, row) in places.iter().zip(&rows.inside) {
-            inside[*place] = *row;
-        }
-        percent = Some(spread(&rows.percent));
-        add("offset", "lane error", "offset_m", spread(&rows.offset_m));
-        add(
-            "heading",
-            "heading error",
-            "heading_rad",
-            spread(&rows.heading_error_rad),
-        );
-        // As a driver sees it: where the path lies and points to in the vehicle's frame.
-        let ahead: Vec<f64> = truths
-            .iter()
-            .zip(&rows.station_m)
-            .map(|(truth, station_m)| {
-                angle::difference(
-                    course.path.pose_at(*station_m).heading_rad,
-                    truth.world_from_vehicle.heading_rad,
-                )
-            })
-            .collect();
-        let d: Vec<f64> = rows.offset_m.iter().map(|offset| -offset).collect();
-        add("true_d", "true", "d_m", spread(&d));
-        add("true_theta", "true", "theta_rad", spread(&ahead));
-    }
-    let per_step = |value: &dyn Fn(&Step) -> f64| -> Vec<f64> { steps.iter().map(value).collect() };
-    let true_or_none =
-        |value: fn(&Truth) -> f64| per_step(&|step| step.truth.as_ref().map_or(f64::NAN, value));
-    let asked_mps = |step: &Step| body.speed_of(&step.command);
-    match body.steering {
-        Steering::Differential { .. } => {
-            let asked = per_step(&|step| body.yaw_rate_of(step.command.turn, asked_mps(step)));
-            add("steering", "commanded", "yaw_rate_radps", asked);
-            add(
-                "true_steering",
-                "driven",
-                "yaw_rate_radps",
-                true_or_none(|truth| truth.yaw_rate_radps),
-            );
-        }
-        Steering::Ackermann { .. } => {
-            let asked = per_step(&|step| body.steering_of(step.command.turn, asked_mps(step)));
-            add("steering", "commanded", "steering_rad", asked);
-            add(
-                "true_steering",
-                "driven",
-                "steering_rad",
-                true_or_none(|truth| truth.steering_rad),
-            );
-        }
-    }
-    add("speed", "commanded", "speed_mps", per_step(&asked_mps));
-    let driven = per_step(&|step| {
-        step.truth
-            .map(|t| t.speed_mps)
-            .or(step.speed_mps)
-            .unwrap_or(f64::NAN)
-    });
-    add("true_speed", "driven", "speed_mps", driven);
-    if run.frame_times_s.len() == count && run.frame_times_s.iter().any(|time| *time > 0.0) {
-        add("frame_time", "time spent", FRAME_TIME, run.frame_times_s.to_vec());
-    }
-    for (name, values) in super::signals::of_driver(run.recording) {
-        add(
-            &format!("signal {name}"),
-            &super::signals::words(&name),
-            &name,
-            values,
-        );
-    }
-    list.retain(|column| column.values.iter().any(|value| value.is_finite()));
-    Columns {
-        time_s: steps.iter().map(|step| step.stamp.as_s()).collect(),
-        percent: percent.filter(|p| p.iter().any(|value| value.is_finite())),
-        inside,
-        half_width_m: course.map(|course| course.corridor_half_width_m),
-        list,
-    }
-}
-
 /// The map with the driven path, large and as a thumbnail.
 fn maps(run: &ReportRun, course: &Course, world: Option<&World>, columns: &Columns) -> (String, String) {
     let mut map = match world {
@@ -597,7 +474,6 @@ fn data(
         .collect();
     text::script_json(&json!({
         "t": fixed_numbers(&thin(&columns.time_s), 3),
-        "time": fixed_numbers(&thin(&columns.time_s), 3),
         "percent": columns.percent.as_ref().map(|p| fixed_numbers(&thin(p), 2)),
         "x": fixed_numbers(&truth(&|t: &Truth| t.world_from_vehicle.x_m), 4),
         "y": fixed_numbers(&truth(&|t| t.world_from_vehicle.y_m), 4),
