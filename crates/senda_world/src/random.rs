@@ -120,7 +120,7 @@ impl Difficulty {
         Self {
             kind: Kind::Lane,
             min_radius_m: 0.45,
-            length_m: [5.0, 11.0],
+            length_m: [6.0, 13.0],
             ..Self::default()
         }
     }
@@ -215,16 +215,50 @@ impl World {
     }
 }
 
+/// What kind of shape to try. It stays for several tries: if every failure drew anew, only easy shapes would get through.
+struct Style {
+    spline: bool,
+    corners: usize,
+    /// How far corners may lie inside the circle, as a part of its radius.
+    roughness: f64,
+    /// Probability that a straight piece becomes a chicane.
+    chicanes: f64,
+    /// Wanted place in the range of lengths, 0..=1.
+    size: f64,
+}
+
+impl Style {
+    fn draw(dice: &mut Dice) -> Self {
+        Self {
+            spline: dice.chance(0.25),
+            corners: 3 + dice.below(8),
+            roughness: dice.between([0.05, 0.8]),
+            chicanes: if dice.chance(0.75) {
+                dice.between([0.3, 1.0])
+            } else {
+                0.0
+            },
+            size: dice.part(),
+        }
+    }
+}
+
 /// A closed circuit that keeps its limits. Tries shapes until one does; a circle always does.
 fn circuit(dice: &mut Dice, min_radius_m: f64, length_m: [f64; 2], clearance_m: f64) -> (PathSpec, Curve) {
     let least_m = length_m[0].max(2.0 * PI * min_radius_m * 1.02);
     let most_m = length_m[1].max(least_m);
-    for _ in 0..200 {
-        let wanted_m = dice.between([least_m, most_m]);
-        let shape = if dice.chance(0.3) {
-            spline(dice, wanted_m)
+    let mut style = Style::draw(dice);
+    for attempt in 1..=400 {
+        if attempt % 40 == 0 {
+            style = Style::draw(dice);
+        }
+        // Long circuits have more room for curves: look there when shapes keep failing.
+        let part = style.size + (1.0 - style.size) * f64::from(attempt % 40) / 40.0;
+        let wanted_m = least_m + (most_m - least_m) * part;
+        let shape = if style.spline {
+            spline(dice, &style, wanted_m)
         } else {
-            rounded_polygon(dice, wanted_m, min_radius_m)
+            rounded_polygon(dice, &style, wanted_m, min_radius_m)
         };
         let Some(shape) = shape else { continue };
         let spec = PathSpec {
@@ -277,10 +311,8 @@ fn perimeter(points: &[Vec2]) -> f64 {
         .sum()
 }
 
-fn spline(dice: &mut Dice, wanted_m: f64) -> Option<PathShape> {
-    let count = 4 + dice.below(7);
-    let roughness = dice.between([0.1, 0.6]);
-    let corners = star(dice, count, roughness);
+fn spline(dice: &mut Dice, style: &Style, wanted_m: f64) -> Option<PathShape> {
+    let corners = star(dice, style.corners + 2, style.roughness);
     let rough = Curve::from_points(&corners, true).ok()?;
     let scale = wanted_m / rough.length_m();
     // Whole millimetres: a file that a person can read.
@@ -297,10 +329,9 @@ fn spline(dice: &mut Dice, wanted_m: f64) -> Option<PathShape> {
 }
 
 /// Straight edges joined by arcs, some with clothoids before and after them.
-fn rounded_polygon(dice: &mut Dice, wanted_m: f64, min_radius_m: f64) -> Option<PathShape> {
-    let count = 3 + dice.below(8);
-    let roughness = dice.between([0.0, 0.65]);
-    let unit = star(dice, count, roughness);
+fn rounded_polygon(dice: &mut Dice, style: &Style, wanted_m: f64, min_radius_m: f64) -> Option<PathShape> {
+    let count = style.corners;
+    let unit = star(dice, count, style.roughness);
     // Rounding shortens; the caller checks what came out.
     let scale = wanted_m * dice.between([1.0, 1.25]) / perimeter(&unit);
     let corners: Vec<Vec2> = unit.iter().map(|p| *p * scale).collect();
@@ -329,7 +360,12 @@ fn rounded_polygon(dice: &mut Dice, wanted_m: f64, min_radius_m: f64) -> Option<
     for i in 0..count {
         let (turn_rad, radius_m, lead, _) = bends[i];
         if i > 0 {
-            push_straight(&mut pieces, edges[i - 1].length() - bends[i - 1].3 - bends[i].3);
+            let length_m = edges[i - 1].length() - bends[i - 1].3 - bends[i].3;
+            if dice.chance(style.chicanes) {
+                push_chicane(dice, &mut pieces, length_m, min_radius_m);
+            } else {
+                push_straight(&mut pieces, length_m);
+            }
         }
         pieces.extend(bend(radius_m, turn_rad, lead));
     }
@@ -351,6 +387,26 @@ fn push_straight(pieces: &mut Vec<Piece>, length_m: f64) {
     if length_m > 1e-6 {
         pieces.push(Piece::Straight { length_m });
     }
+}
+
+/// Instead of a straight piece: aside and back again, or as much of it as has room.
+fn push_chicane(dice: &mut Dice, pieces: &mut Vec<Piece>, length_m: f64, min_radius_m: f64) {
+    let radius_m = min_radius_m * dice.between([1.0, 1.8]);
+    let side = if dice.chance(0.5) { 1.0 } else { -1.0 };
+    // Four arcs of an angle a reach 4·r·sin(a) ahead.
+    let sine = (length_m * dice.between([0.6, 0.98]) / (4.0 * radius_m)).min(0.92);
+    if sine < 0.3 {
+        push_straight(pieces, length_m);
+        return;
+    }
+    let turn_rad = trig::asin(sine) * side;
+    let spare_m = length_m - 4.0 * radius_m * sine;
+    let before = dice.part();
+    push_straight(pieces, spare_m * before);
+    for turn_rad in [turn_rad, -2.0 * turn_rad, turn_rad] {
+        pieces.push(Piece::Arc { radius_m, turn_rad });
+    }
+    push_straight(pieces, spare_m * (1.0 - before));
 }
 
 /// A bend: an arc, between two clothoids that make up the share `lead` of its turning.

@@ -74,9 +74,27 @@ fn seeds_differ_and_repeat() {
         let count = text.iter().filter(|toml| toml.contains(word)).count();
         assert!((4..=36).contains(&count), "{word}: {count} of 40");
     }
-    let circles = worlds.iter().filter(|world| {
-        let pieces = world.to_toml();
-        pieces.matches("kind = \"arc\"").count() == 1 && !pieces.contains("straight")
-    });
-    assert!(circles.count() <= 1, "the emergency circle is rare");
+}
+
+/// Curves to both sides are what makes a circuit worth driving, and the emergency circle is worth little.
+#[test]
+fn most_worlds_turn_both_ways_and_hardly_any_is_a_circle() {
+    for difficulty in [Difficulty::default(), Difficulty::lane()] {
+        let (mut both, mut circles) = (0, 0);
+        for seed in 1000..1100 {
+            let path = World::random(seed, &difficulty).path;
+            let curvatures: Vec<f64> = (0..400)
+                .map(|i| path.curvature_at(path.length_m() * f64::from(i) / 400.0))
+                .collect();
+            let (low, high) = curvatures
+                .iter()
+                .fold((0.0f64, 0.0f64), |(low, high), k| (low.min(*k), high.max(*k)));
+            both += u32::from(low < -0.5 && high > 0.5);
+            circles += u32::from(curvatures.iter().all(|k| (k - curvatures[0]).abs() < 1e-6));
+        }
+        assert!(
+            both >= 40 && circles <= 2,
+            "{both} turn both ways, {circles} circles of 100"
+        );
+    }
 }
