@@ -278,8 +278,8 @@ fn nearest(world: &World, point: Vec2, station_m: f64) -> f64 {
     world.path.project(point).station_m
 }
 
-/// Side of a texel (m) that is right for the sharpest camera: about one and a half pixels where it sees the floor
-/// closest. Bilinear looks and the lens's blur hide the rest.
+/// Side of a texel (m) that is right for the sharpest camera: three pixels where it sees the floor closest, about one
+/// in the middle of its picture. Painting costs by the texel, and real lenses are soft up close.
 pub fn fitting_texel_m(spec: &VehicleSpec) -> f64 {
     let pixel_m = |camera: &Camera| {
         let (u, v) = (
@@ -296,7 +296,7 @@ pub fn fitting_texel_m(spec: &VehicleSpec) -> f64 {
         .filter_map(|camera| pixel_m(&camera.camera))
         .fold(f64::INFINITY, f64::min);
     if finest_m.is_finite() {
-        (1.5 * finest_m).clamp(0.001, 0.02)
+        (3.0 * finest_m).clamp(0.0015, 0.02)
     } else {
         0.002
     }

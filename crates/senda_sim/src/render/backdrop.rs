@@ -4,15 +4,22 @@ use super::kernel::STEPS_PER_TEXEL;
 use super::texture::MipTexture;
 use senda_geom::{angle, trig};
 use std::f64::consts::PI;
+use std::sync::OnceLock;
 
 /// A panorama of the room and the same in coarse cells with its true brightness, for reflections on the floor.
 ///
 /// The room is far away compared to the drive: it turns with the heading and does not move otherwise.
 #[derive(Debug, Clone)]
 pub struct Backdrop {
-    panorama: MipTexture,
-    mirror: Vec<[f32; 3]>,
+    room: Room,
+    /// Drawn when a camera first looks above the horizon.
+    panorama: OnceLock<MipTexture>,
+    mirror: OnceLock<Mirror>,
 }
+
+/// The room in coarse cells with its true brightness.
+#[derive(Debug, Clone)]
+pub(super) struct Mirror(Vec<[f32; 3]>);
 
 /// How the room looks.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,60 +41,34 @@ const HALF_LENGTH_M: f64 = 6.0;
 const HALF_WIDTH_M: f64 = 4.5;
 /// Ceiling above the camera (m).
 const CEILING_M: f64 = 2.8;
-/// Azimuth kept beyond two turns at both ends, and elevation below the horizon (rad).
-const MARGIN_RAD: f64 = 0.3;
-const BELOW_RAD: f64 = 0.05;
+/// Texels around the panorama.
+const TEXELS_PER_TURN: usize = 512;
+/// Texels kept beyond two turns at both ends, and below the horizon.
+const MARGIN: usize = 24;
+const BELOW: usize = 4;
 /// Cells of the mirror map around and from the horizon up.
 const MIRROR_COLUMNS: usize = 128;
 const MIRROR_ROWS: usize = 32;
 
 impl Backdrop {
     /// Texels a radian: soft, as an out-of-focus background is.
-    pub(super) const TEXELS_PER_RAD: f64 = 80.0;
+    pub(super) const TEXELS_PER_RAD: f64 = TEXELS_PER_TURN as f64 / (2.0 * PI);
 
-    /// Draws the room.
-    pub fn new(room: &Room) -> Self {
-        let columns = ((4.0 * PI + 2.0 * MARGIN_RAD) * Self::TEXELS_PER_RAD).ceil() as usize;
-        let rows = ((PI / 2.0 + BELOW_RAD) * Self::TEXELS_PER_RAD).ceil() as usize;
-        let directions: Vec<(f64, f64)> = (0..columns)
-            .map(|i| trig::sincos((i as f64 + 0.5) / Self::TEXELS_PER_RAD - MARGIN_RAD - PI))
-            .collect();
-        let mut texels = Vec::with_capacity(columns * rows);
-        for j in 0..rows {
-            let slope = trig::tan(((j as f64 + 0.5) / Self::TEXELS_PER_RAD - BELOW_RAD).min(1.55));
-            texels.extend(directions.iter().map(|&(sin, cos)| {
-                let light = room.radiance(cos, sin, slope);
-                let byte = |value: f64| (255.0 * value.min(1.0).sqrt()).round() as u8;
-                [byte(light[0]), byte(light[1]), byte(light[2]), 0]
-            }));
-        }
-        let outside = texels[0];
-        let mut mirror = Vec::with_capacity((MIRROR_COLUMNS + 1) * MIRROR_ROWS);
-        for j in 0..MIRROR_ROWS {
-            for i in 0..=MIRROR_COLUMNS {
-                // The mean over a cell, by 3 x 3 samples.
-                let mut sum = [0.0; 3];
-                for sample in 0..9 {
-                    let (du, dv) = (
-                        (sample % 3) as f64 / 3.0 - 0.333,
-                        (sample / 3) as f64 / 3.0 - 0.333,
-                    );
-                    let (sin, cos) = trig::sincos((i as f64 + du) / MIRROR_COLUMNS as f64 * 2.0 * PI);
-                    let elevation = ((j as f64 + dv) / (MIRROR_ROWS - 1) as f64 * PI / 2.0).clamp(0.0, 1.55);
-                    let light = room.radiance(cos, sin, trig::tan(elevation));
-                    sum = [0, 1, 2].map(|c| sum[c] + light[c] / 9.0);
-                }
-                mirror.push(sum.map(|value| value as f32));
-            }
-        }
+    /// Takes a room; draws nothing yet.
+    pub fn new(room: Room) -> Self {
         Self {
-            panorama: MipTexture::new(columns, rows, &texels, outside),
-            mirror,
+            room,
+            panorama: OnceLock::new(),
+            mirror: OnceLock::new(),
         }
     }
 
     pub(super) fn panorama(&self) -> &MipTexture {
-        &self.panorama
+        self.panorama.get_or_init(|| panorama(&Lit::new(&self.room)))
+    }
+
+    pub(super) fn mirror(&self) -> &Mirror {
+        self.mirror.get_or_init(|| Mirror::new(&Lit::new(&self.room)))
     }
 
     /// Where a look at azimuth and elevation 0 in the vehicle frame lands, for a heading and a small turn from it.
@@ -99,32 +80,104 @@ impl Backdrop {
         } else {
             heading
         };
-        let scale = Self::TEXELS_PER_RAD * STEPS_PER_TEXEL;
+        let column = (heading + turned_rad + PI) * Self::TEXELS_PER_RAD + MARGIN as f64;
         [
-            ((heading + turned_rad + MARGIN_RAD + PI) * scale + MipTexture::ORIGIN) as f32,
-            (BELOW_RAD * scale + MipTexture::ORIGIN) as f32,
+            (column * STEPS_PER_TEXEL + MipTexture::ORIGIN) as f32,
+            (BELOW as f64 * STEPS_PER_TEXEL + MipTexture::ORIGIN) as f32,
         ]
     }
+}
 
-    /// Mirror cells per radian of azimuth.
-    pub(super) const MIRROR_PER_RAD: f64 = MIRROR_COLUMNS as f64 / (2.0 * PI);
+/// Two turns of the room, so that any heading and any camera's azimuth together stay inside.
+fn panorama(room: &Lit) -> MipTexture {
+    /// Samples a texel, across and up: the sills of windows rise slowly, so that up matters more.
+    const ACROSS: usize = 2;
+    const UP: usize = 4;
+    let rows = (PI / 2.0 * Backdrop::TEXELS_PER_RAD).ceil() as usize + BELOW;
+    let columns = 2 * TEXELS_PER_TURN + 2 * MARGIN;
+    let directions: Vec<(f64, f64)> = (0..ACROSS * TEXELS_PER_TURN)
+        .map(|i| trig::sincos((i as f64 + 0.5) / ACROSS as f64 / Backdrop::TEXELS_PER_RAD - PI))
+        .collect();
+    let byte = |value: f64| (255.0 * value.min(1.0).sqrt()).round() as u8;
+    let mut turn = Vec::with_capacity(TEXELS_PER_TURN);
+    let mut texels = Vec::with_capacity(columns * rows);
+    for j in 0..rows {
+        let slopes: [f64; UP] = std::array::from_fn(|k| {
+            let row = j as f64 + (k as f64 + 0.5) / UP as f64 - BELOW as f64;
+            trig::tan((row / Backdrop::TEXELS_PER_RAD).min(1.55))
+        });
+        turn.clear();
+        turn.extend(directions.chunks_exact(ACROSS).map(|directions| {
+            let mut light = [0.0; 3];
+            for slope in slopes {
+                for (sin, cos) in directions {
+                    let sample = room.radiance(*cos, *sin, slope);
+                    light = [0, 1, 2].map(|c| light[c] + sample[c].min(1.0) / (ACROSS * UP) as f64);
+                }
+            }
+            [byte(light[0]), byte(light[1]), byte(light[2]), 0]
+        }));
+        texels.extend((0..columns).map(|i| turn[(i + TEXELS_PER_TURN - MARGIN) % TEXELS_PER_TURN]));
+    }
+    let outside = texels[0];
+    MipTexture::new(columns, rows, &texels, outside)
+}
 
-    /// The row of the mirror map for an elevation (rad), as index and part towards the next.
-    pub(super) fn mirror_row(elevation_rad: f64) -> (usize, f32) {
+impl Mirror {
+    fn new(room: &Lit) -> Self {
+        /// Samples a cell, across and up.
+        const SAMPLES: usize = 3;
+        let part = |k: usize| (k as f64 + 0.5) / SAMPLES as f64 - 0.5;
+        let directions: Vec<(f64, f64)> = (0..SAMPLES * (MIRROR_COLUMNS + 1))
+            .map(|i| {
+                let column = (i / SAMPLES) as f64 + part(i % SAMPLES);
+                trig::sincos(column / MIRROR_COLUMNS as f64 * 2.0 * PI)
+            })
+            .collect();
+        let mut cells = Vec::with_capacity((MIRROR_COLUMNS + 1) * MIRROR_ROWS);
+        for j in 0..MIRROR_ROWS {
+            let slopes: [f64; SAMPLES] = std::array::from_fn(|k| {
+                let elevation = (j as f64 + part(k)) / (MIRROR_ROWS - 1) as f64 * PI / 2.0;
+                trig::tan(elevation.clamp(0.0, 1.55))
+            });
+            cells.extend(directions.chunks_exact(SAMPLES).map(|directions| {
+                let mut sum = [0.0; 3];
+                for slope in slopes {
+                    for (sin, cos) in directions {
+                        let light = room.radiance(*cos, *sin, slope);
+                        sum = [0, 1, 2].map(|c| sum[c] + light[c] / (SAMPLES * SAMPLES) as f64);
+                    }
+                }
+                sum.map(|value| value as f32)
+            }));
+        }
+        Self(cells)
+    }
+
+    /// The row for an elevation (rad), as index and part towards the next.
+    pub(super) fn row(elevation_rad: f64) -> (usize, f32) {
         let row = (elevation_rad / (PI / 2.0)).clamp(0.0, 1.0) * (MIRROR_ROWS - 1) as f64;
         let below = (row as usize).min(MIRROR_ROWS - 2);
         (below, (row - below as f64) as f32)
     }
 
-    /// Light from a direction: `column` in mirror cells, any number of turns; `row` from [`Backdrop::mirror_row`].
-    pub(super) fn mirrored(&self, column: f32, (row, part): (usize, f32)) -> [f32; 3] {
-        let turns = (column * (1.0 / MIRROR_COLUMNS as f32)).floor();
-        let column = (column - turns * MIRROR_COLUMNS as f32).clamp(0.0, MIRROR_COLUMNS as f32 - 0.001);
+    /// An azimuth (rad, any number of turns) in cells, 0 to less than a turn.
+    pub(super) fn column(azimuth_rad: f64) -> f32 {
+        let turn = 2.0 * PI;
+        (azimuth_rad.rem_euclid(turn) / turn * MIRROR_COLUMNS as f64) as f32
+    }
+
+    /// Light from a direction: the sum of two [`Mirror::column`]s and a row from [`Mirror::row`].
+    #[inline]
+    pub(super) fn light(&self, column: f32, (row, part): (usize, f32)) -> [f32; 3] {
+        const TURN: f32 = MIRROR_COLUMNS as f32;
+        let column = if column >= TURN { column - TURN } else { column };
+        let column = column.clamp(0.0, TURN - 0.001);
         let left = column as usize;
         let across = column - left as f32;
         let at = row * (MIRROR_COLUMNS + 1) + left;
-        let below = &self.mirror[at..at + 2];
-        let above = &self.mirror[at + MIRROR_COLUMNS + 1..][..2];
+        let below = &self.0[at..at + 2];
+        let above = &self.0[at + MIRROR_COLUMNS + 1..][..2];
         let mut light = [0.0; 3];
         for c in 0..3 {
             let low = below[0][c] + (below[1][c] - below[0][c]) * across;
@@ -135,7 +188,26 @@ impl Backdrop {
     }
 }
 
-impl Room {
+/// A room with the direction of its windows worked out.
+struct Lit<'a> {
+    room: &'a Room,
+    window_cos: f64,
+    window_sin: f64,
+    /// Whether the windows are in one of the walls across x.
+    across_x: bool,
+}
+
+impl<'a> Lit<'a> {
+    fn new(room: &'a Room) -> Self {
+        let (window_sin, window_cos) = trig::sincos(room.window_rad);
+        Self {
+            room,
+            window_cos,
+            window_sin,
+            across_x: HALF_LENGTH_M * window_sin.abs() < HALF_WIDTH_M * window_cos.abs(),
+        }
+    }
+
     /// Light from the direction with cosine and sine of the azimuth and the slope (tangent of the elevation), relative
     /// to a white floor in full light, linear.
     fn radiance(&self, cos: f64, sin: f64, slope: f64) -> [f64; 3] {
@@ -146,13 +218,14 @@ impl Room {
         let distance = to_x.min(to_y);
         let height = slope * distance;
         // How much light arrives: more beside the windows' wall's opposite, less in corners.
-        let (window_sin, window_cos) = trig::sincos(self.window_rad);
-        let facing = 0.5 - 0.5 * (cos * window_cos + sin * window_sin);
-        let tint = |colour: [f64; 3], level: f64| [0, 1, 2].map(|c| colour[c] * self.light[c] * level);
+        let to_window = cos * self.window_cos + sin * self.window_sin;
+        let facing = 0.5 - 0.5 * to_window;
+        let room = self.room;
+        let tint = |colour: [f64; 3], level: f64| [0, 1, 2].map(|c| colour[c] * room.light[c] * level);
         if height > CEILING_M {
             // Ceiling: paler, darker far from the windows.
             let reach = CEILING_M / slope;
-            return tint(self.ceiling, 0.95 - 0.03 * reach + 0.15 * facing);
+            return tint(room.ceiling, 0.95 - 0.03 * reach + 0.15 * facing);
         }
         // Place along the wall (m), from its middle.
         let (along, half) = if to_x < to_y {
@@ -165,19 +238,13 @@ impl Room {
         if height < 0.09 {
             return tint([0.2, 0.18, 0.16], level); // Skirting board.
         }
-        let on_window_wall = {
-            let (wall_x, wall_y) = (
-                HALF_LENGTH_M / window_cos.abs().max(1e-9),
-                HALF_WIDTH_M / window_sin.abs().max(1e-9),
-            );
-            (to_x < to_y) == (wall_x < wall_y) && cos * window_cos + sin * window_sin > 0.0
-        };
-        if on_window_wall && self.window > 0.0 && (0.9..2.3).contains(&height) && along.abs() < half - 0.6 {
+        let on_window_wall = (to_x < to_y) == self.across_x && to_window > 0.0;
+        if on_window_wall && room.window > 0.0 && (0.9..2.3).contains(&height) && along.abs() < half - 0.6 {
             let pane = (along + 20.0).rem_euclid(1.6);
             if (0.12..1.48).contains(&pane) && (pane - 0.8).abs() > 0.03 {
                 // Sky above, something green and dark outside below.
                 let sky = ((height - 1.1) / 0.5).clamp(0.25, 1.0);
-                return [0.92, 0.97, 1.0].map(|c| c * self.window * sky);
+                return [0.92, 0.97, 1.0].map(|c| c * room.window * sky);
             }
             if (0.04..1.56).contains(&pane) {
                 return tint([0.85, 0.85, 0.83], level * 1.1); // Frame.
@@ -186,7 +253,7 @@ impl Room {
         if !on_window_wall && (0.0..2.05).contains(&height) && ((along - 1.4).abs() < 0.47) {
             return tint([0.42, 0.3, 0.2], level); // Door.
         }
-        tint(self.wall, level)
+        tint(room.wall, level)
     }
 }
 
@@ -203,15 +270,18 @@ mod tests {
             window: 4.0,
             light: [1.0; 3],
         };
-        let backdrop = Backdrop::new(&room);
-        let row = Backdrop::mirror_row(0.26);
+        let mirror = Mirror::new(&Lit::new(&room));
+        let row = Mirror::row(0.26);
         let brightest = |from: usize, to: usize| {
             (from..to)
-                .map(|column| backdrop.mirrored(column as f32, row)[1])
+                .map(|column| mirror.light(column as f32, row)[1])
                 .fold(0.0, f32::max)
         };
         assert!(brightest(0, 10) > 2.0 && brightest(54, 74) < 1.0);
-        // The map is the same a turn on.
-        assert_eq!(backdrop.mirrored(3.5, row), backdrop.mirrored(131.5, row));
+        // The map is the same a turn on, and has no seam.
+        assert_eq!(mirror.light(3.5, row), mirror.light(131.5, row));
+        assert!((Mirror::column(-0.1) - Mirror::column(2.0 * PI - 0.1)).abs() < 1e-4);
+        let (before, after) = (mirror.light(127.99, row), mirror.light(128.01, row));
+        assert!((before[1] - after[1]).abs() < 0.05);
     }
 }

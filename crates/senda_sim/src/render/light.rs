@@ -1,7 +1,7 @@
 //! Light as the camera gets it: vignetting and exposure as gains, reflections on glossy floor as added light, on a
 //! grid of one node every eight pixels.
 
-use super::backdrop::Backdrop;
+use super::backdrop::Mirror;
 use super::kernel::{GAIN_ONE, GLOW_ONE, GROUP, LightNode, middle};
 use senda_geom::{Camera, Pose2, Vec2, trig};
 
@@ -33,6 +33,8 @@ pub(super) struct LightGrid {
     spread_squared: f32,
     /// Gains and reflected light of the present frame, row by row.
     lights: Vec<LightNode>,
+    /// Whether there is reflected light.
+    pub(super) glows: bool,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -43,7 +45,7 @@ struct Node {
     mirrored: [f32; 3],
     /// Share of light that polish reflects at this angle (Schlick 1994).
     fresnel: f32,
-    /// Azimuth in cells of the backdrop's mirror map, and its row there.
+    /// Azimuth in cells of the mirror, and its row there.
     column: f32,
     row: (usize, f32),
     /// Square root of the light that vignetting leaves.
@@ -76,8 +78,8 @@ impl LightGrid {
                     ],
                     mirrored: [ray.x as f32, ray.y as f32, fall as f32],
                     fresnel: (HEAD_ON + (1.0 - HEAD_ON) * flat * flat * flat * flat * flat) as f32,
-                    column: (azimuth * Backdrop::MIRROR_PER_RAD) as f32,
-                    row: Backdrop::mirror_row(trig::asin(fall.min(1.0))),
+                    column: Mirror::column(azimuth),
+                    row: Mirror::row(trig::asin(fall.min(1.0))),
                     vignette: vignette.sqrt() as f32,
                 });
             }
@@ -86,6 +88,7 @@ impl LightGrid {
         Self {
             columns,
             lights: vec![[0; 8]; nodes.len()],
+            glows: false,
             nodes,
             spread_squared: (spread * spread) as f32,
         }
@@ -98,13 +101,13 @@ impl LightGrid {
         (above, below, middle(v % GROUP))
     }
 
-    /// Exposes: `gain` is the factor on light for R, G, B. Without a backdrop nothing is reflected.
+    /// Exposes: `gain` is the factor on light for R, G, B. Without a mirror nothing is reflected.
     pub(super) fn expose(
         &mut self,
         gain: [f64; 3],
         world_from_vehicle: Pose2,
         lamps: &[MirroredLamp],
-        backdrop: Option<&Backdrop>,
+        mirror: Option<&Mirror>,
     ) {
         let encoded = gain.map(|value| value.max(0.0).sqrt());
         let scale = encoded.map(|value| (value * GAIN_ONE) as f32);
@@ -114,11 +117,12 @@ impl LightGrid {
                 out[c] = limited(scale[c] * node.vignette);
             }
         }
-        let Some(backdrop) = backdrop else {
+        self.glows = mirror.is_some();
+        let Some(mirror) = mirror else {
             return;
         };
         let scale = encoded.map(|value| (value * 255.0 * GLOW_ONE) as f32);
-        let turned = (world_from_vehicle.heading_rad * Backdrop::MIRROR_PER_RAD) as f32;
+        let turned = Mirror::column(world_from_vehicle.heading_rad);
         let vehicle_from_world = world_from_vehicle.inverse();
         /// More lamps than this do not shine in the floor.
         const MOST: usize = 8;
@@ -133,7 +137,7 @@ impl LightGrid {
             };
         }
         for (out, node) in self.lights.iter_mut().zip(&self.nodes) {
-            let mut light = backdrop.mirrored(node.column + turned, node.row);
+            let mut light = mirror.light(node.column + turned, node.row);
             for lamp in &near[..count] {
                 let shine = lamp.shine(node, self.spread_squared);
                 for (light, radiance) in light.iter_mut().zip(lamp.radiance) {

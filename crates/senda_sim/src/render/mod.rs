@@ -106,7 +106,6 @@ pub struct Renderer {
     noise: NoiseTile,
     blur: LensBlur,
     metres_per_texel: f64,
-    sees_backdrop: bool,
     colours: Vec<Colours>,
     behind: Vec<Colours>,
     faces: Vec<upright::Ready>,
@@ -134,7 +133,6 @@ impl Renderer {
         Self {
             camera: camera.clone(),
             kernel: Kernel::fastest(),
-            sees_backdrop: !table.backdrop.is_empty(),
             noise: NoiseTile::new(groups * GROUP),
             colours: vec![[0; 4 * GROUP]; groups],
             behind: vec![[0; 4 * GROUP]; groups],
@@ -168,13 +166,11 @@ impl Renderer {
             "a renderer is made for one size of texels"
         );
         image.reshape(self.table.width, self.table.height, Channels::Rgb);
-        let reflects = scene.is_glossy();
-        let backdrop = (self.sees_backdrop || reflects).then(|| scene.backdrop());
         self.light.expose(
             shot.gain,
             shot.world_from_vehicle,
             scene.lamps(),
-            backdrop.filter(|_| reflects),
+            scene.is_glossy().then(|| scene.backdrop().mirror()),
         );
         upright::prepare(
             scene.uprights(),
@@ -206,6 +202,7 @@ impl Renderer {
                 above,
                 below,
                 part,
+                glows: light.glows,
                 noise: tile.row(shot.noise.seed, v),
                 noise_dark: noise.dark,
                 noise_fall: noise.fall,

@@ -6,7 +6,6 @@ use super::texture::MipTexture;
 use super::upright::Upright;
 use senda_geom::Vec2;
 use senda_world::{FloorPainting, World, paint};
-use std::sync::OnceLock;
 
 /// A world made ready for cameras. Costs the painting of the floor once; simulators share it.
 #[derive(Debug)]
@@ -15,8 +14,7 @@ pub struct Scene {
     origin: Vec2,
     metres_per_texel: f64,
     glossy: bool,
-    room: Room,
-    backdrop: OnceLock<Backdrop>,
+    backdrop: Backdrop,
     lamps: Vec<MirroredLamp>,
     uprights: Vec<Upright>,
 }
@@ -71,8 +69,7 @@ impl Scene {
             origin: painting.origin,
             metres_per_texel: painting.metres_per_texel,
             glossy,
-            room,
-            backdrop: OnceLock::new(),
+            backdrop: Backdrop::new(room),
             lamps,
             uprights: world
                 .things
@@ -93,9 +90,8 @@ impl Scene {
         self.glossy
     }
 
-    /// The room around the floor, drawn when first needed.
-    pub fn backdrop(&self) -> &Backdrop {
-        self.backdrop.get_or_init(|| Backdrop::new(&self.room))
+    pub(super) fn backdrop(&self) -> &Backdrop {
+        &self.backdrop
     }
 
     pub(super) fn ground(&self) -> &MipTexture {

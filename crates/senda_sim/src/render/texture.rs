@@ -28,8 +28,9 @@ impl MipTexture {
         let outside = pack(outside);
         let sizes = sizes(width, height);
         let total: usize = sizes.iter().map(|&(w, h)| strips(w) * strip(h)).sum();
-        let mut all: Vec<Texel> = Vec::with_capacity(total);
+        let mut all: Vec<Texel> = vec![0; total];
         let mut layouts = [LevelLayout::default(); LEVELS];
+        let mut rest = &mut all[..];
         let mut base = 0;
         let mut here: Vec<u32> = texels.iter().map(|texel| pack(*texel)).collect();
         for (level, &(w, h)) in sizes.iter().enumerate() {
@@ -43,8 +44,9 @@ impl MipTexture {
                 strip: strip(h) as u32,
                 limit: [limit(w), limit(h)],
             };
-            fill_strips(&here, w, h, outside, &mut all);
-            base += strips(w) * strip(h);
+            let (out, after) = rest.split_at_mut(strips(w) * strip(h));
+            fill_strips(&here, w, h, outside, out);
+            (rest, base) = (after, base + out.len());
         }
         for level in sizes.len()..LEVELS {
             layouts[level] = layouts[sizes.len() - 1];
@@ -102,33 +104,26 @@ fn strip(height: usize) -> usize {
     padded(height) * STRIDE
 }
 
-/// Appends a level as strips, with its border.
-fn fill_strips(texels: &[u32], width: usize, height: usize, outside: u32, out: &mut Vec<Texel>) {
-    let row_of = |y: usize| {
-        let y = y.wrapping_sub(BORDER);
-        (y < height).then(|| &texels[y * width..(y + 1) * width])
-    };
-    for first in (0..strips(width)).map(|number| number * STRIP) {
-        let columns = |row: Option<&[u32]>| {
-            let mut strip = [outside; STRIDE];
-            // Columns of the texture that this strip and its copy of the next one's first show.
-            let from = first.max(BORDER) - BORDER;
-            let to = (first + STRIDE - BORDER).min(width);
-            if let Some(row) = row
-                && from < to
-            {
-                let at = from + BORDER - first;
-                strip[at..at + to - from].copy_from_slice(&row[from..to]);
-            }
-            strip
-        };
-        let mut here = columns(row_of(0));
-        for y in 1..=padded(height) {
-            let below = columns(row_of(y));
-            let pairs = here.iter().zip(&below);
-            out.extend(pairs.map(|(upper, lower)| Texel::from(*upper) | Texel::from(*lower) << 32));
-            here = below;
+/// Writes a level as strips, with its border.
+fn fill_strips(texels: &[u32], width: usize, height: usize, outside: u32, out: &mut [Texel]) {
+    let wide = strips(width) * STRIP + 1;
+    let (mut here, mut below) = (vec![outside; wide], vec![outside; wide]);
+    let length = strip(height);
+    for y in 0..padded(height) {
+        // Row y of the level and its border; the one below it.
+        match (y + 1).checked_sub(BORDER).filter(|y| *y < height) {
+            Some(y) => below[BORDER..BORDER + width].copy_from_slice(&texels[y * width..(y + 1) * width]),
+            None => below.fill(outside),
         }
+        for (number, strip) in out.chunks_exact_mut(length).enumerate() {
+            let columns = number * STRIP..number * STRIP + STRIDE;
+            let pairs = here[columns.clone()].iter().zip(&below[columns]);
+            let row = &mut strip[y * STRIDE..(y + 1) * STRIDE];
+            for (out, (upper, lower)) in row.iter_mut().zip(pairs) {
+                *out = Texel::from(*upper) | Texel::from(*lower) << 32;
+            }
+        }
+        std::mem::swap(&mut here, &mut below);
     }
 }
 
@@ -143,9 +138,10 @@ fn halved(texels: &[u32], width: usize, height: usize, outside: u32) -> Vec<u32>
         } else {
             &missing
         };
-        for (u, l) in upper.chunks(2).zip(lower.chunks(2)) {
-            let last = |pair: &[u32]| pair.get(1).copied().unwrap_or(outside);
-            out.push(average(u[0], last(u), l[0], last(l)));
+        let pairs = upper.chunks_exact(2).zip(lower.chunks_exact(2));
+        out.extend(pairs.map(|(u, l)| average(u[0], u[1], l[0], l[1])));
+        if width % 2 == 1 {
+            out.push(average(upper[width - 1], outside, lower[width - 1], outside));
         }
     }
     out

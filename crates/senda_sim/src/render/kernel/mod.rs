@@ -129,6 +129,8 @@ pub(super) struct Shading<'a> {
     pub(super) below: &'a [LightNode],
     /// How far the row lies towards those below (Q15).
     pub(super) part: i16,
+    /// Whether any reflected light is not 0.
+    pub(super) glows: bool,
     /// Noise of this row: R, G, B, 0 of every pixel, standard deviation 32.
     pub(super) noise: &'a [i8],
     /// Noise of black (standard deviation in grey levels times 64).
