@@ -208,8 +208,10 @@ impl CurveLane {
             return true;
         };
         let distance_m = state.d_m.abs();
-        if distance_m > self.beside_m && 2.0 * distance_m < self.shape.widest_m {
-            let width_m = self.shape.width_m.unwrap_or(2.0 * distance_m);
+        if distance_m > self.beside_m {
+            // Standing far from the line the vehicle is not in the middle, or the line is not of this lane.
+            let guess_m = (2.0 * distance_m).min(0.75 * self.shape.widest_m);
+            let width_m = self.shape.width_m.unwrap_or(guess_m);
             let side = if state.d_m > 0.0 { Role::Left } else { Role::Right };
             self.memory.shift(if side == Role::Left {
                 -0.5 * width_m
@@ -326,7 +328,7 @@ impl CurveLane {
                 },
                 Role::Stranger => continue,
             };
-            let tangent_m = TANGENT_M.max(0.15 * half_m);
+            let tangent_m = TANGENT_M.max(0.3 * half_m);
             for (index, point) in candidate.points.iter().enumerate() {
                 let direction = direction_at(&candidate.points, index, tangent_m);
                 let at = now_from_exposure.transform(point.at + direction.perp() * shift_m);
@@ -444,16 +446,43 @@ impl CurveLane {
     }
 }
 
-/// Direction of a line at one of its points, over `reach_m` to both sides.
+/// Direction of a line at one of its points: least squares over `reach_m` to both sides, and over at least five points.
 fn direction_at(points: &[FloorPoint], index: usize, reach_m: f64) -> Vec2 {
     let at = points[index].at;
-    let far = |point: &&FloorPoint| (point.at - at).length() >= reach_m;
-    let before = points[..index].iter().rev().find(far).or(points.first());
-    let after = points[index..].iter().find(far).or(points.last());
-    match (before, after) {
-        (Some(before), Some(after)) => (after.at - before.at).try_normalize().unwrap_or(Vec2::X),
-        _ => Vec2::X,
+    let near = |point: &FloorPoint| (point.at - at).length() <= reach_m;
+    let mut first = index
+        - points[..index]
+            .iter()
+            .rev()
+            .take_while(|point| near(point))
+            .count();
+    let mut last = index + 1 + points[index + 1..].iter().take_while(|point| near(point)).count();
+    // At the ends the window reaches further in.
+    let wanted = 5.min(points.len());
+    if last - first < wanted {
+        last = (first + wanted).min(points.len());
+        first = last - wanted;
     }
+    let window = &points[first..last];
+    let count = window.len() as f64;
+    let middle = window.iter().map(|point| point.at).sum::<Vec2>() / count;
+    // Along the chord, so that steep lines are fitted as well as flat ones.
+    let Some(chord) = (window[window.len() - 1].at - window[0].at).try_normalize() else {
+        return Vec2::X;
+    };
+    let (mut along_along, mut along_aside) = (0.0, 0.0);
+    for point in window {
+        let away = point.at - middle;
+        let along = away.dot(chord);
+        along_along += along * along;
+        along_aside += along * away.dot(chord.perp());
+    }
+    let slope = if along_along > 0.0 {
+        along_aside / along_along
+    } else {
+        0.0
+    };
+    (chord + chord.perp() * slope).normalize()
 }
 
 /// Averages points of the same centimetre of the path: where both lines show the middle, it is their mean.

@@ -113,8 +113,8 @@ const SMALLEST_SIDE_PX: usize = 16;
 const ROWS_LIMIT: usize = 40;
 /// A row of the blob this many times wider than the line should be is not across the line.
 const ROW_TOO_WIDE: f64 = 2.5;
-/// And a row this much narrower is the blob's ragged end.
-const ROW_TOO_NARROW: f64 = 0.4;
+/// And a row this much narrower than the blob's other rows is its end, where it tapers.
+const ROW_TOO_NARROW: f64 = 0.7;
 /// C9's second point is this many rows up in an image of 240 rows.
 const SECOND_POINT_ROWS: f64 = 10.0;
 
@@ -316,13 +316,14 @@ fn describe(
     candidate.points.clear();
     candidate.pixels.clear();
     let every = blob.rows.len().div_ceil(ROWS_LIMIT).max(1);
+    let usual = usual_width(blob, profile);
     let mut last_u = None;
     // Rows come from the top; nearer floor is further down.
     for row in blob.rows.iter().rev().step_by(every) {
         let expected = profile.at(row.v).max(1.0);
         if row.at_edge
             || row.width_px > ROW_TOO_WIDE * expected + 1.0
-            || row.width_px < ROW_TOO_NARROW * expected
+            || row.width_px < ROW_TOO_NARROW * usual * expected
         {
             continue;
         }
@@ -348,6 +349,50 @@ fn describe(
         candidate.points.push(FloorPoint { at, sigma_m, step_m });
         candidate.pixels.push([row.u as f32, row.v as f32]);
     }
+    keep_longest_smooth_run(&mut candidate.points, &mut candidate.pixels);
+}
+
+/// A reflection that touches a line makes one blob with a kink: only the longest piece without one is kept.
+fn keep_longest_smooth_run(points: &mut Vec<FloorPoint>, pixels: &mut Vec<[f32; 2]>) {
+    /// Points over which the direction so far is taken.
+    const BACK: usize = 4;
+    let (mut best, mut begin) = (0..0, 0);
+    for index in 0..=points.len() {
+        let breaks = match points.get(index) {
+            None => true,
+            Some(_) if index < begin + 2 => false,
+            Some(point) => {
+                let last = points[index - 1].at;
+                let from = points[(index - 1).saturating_sub(BACK).max(begin)].at;
+                let away = point.at - last;
+                (last - from).try_normalize().is_some_and(|direction| {
+                    let (along, aside) = (away.dot(direction), away.dot(direction.perp()).abs());
+                    // 35° of bend from one point to the next, and the points' own uncertainty.
+                    aside > 0.7 * along.max(0.0) + 0.004 + point.sigma_m
+                })
+            }
+        };
+        if breaks {
+            if index - begin > best.len() {
+                best = begin..index;
+            }
+            begin = index;
+        }
+    }
+    points.truncate(best.end);
+    points.drain(..best.start);
+    pixels.truncate(best.end);
+    pixels.drain(..best.start);
+}
+
+/// Mean width of the blob's rows, as a multiple of the expected width.
+fn usual_width(blob: &LineBlob, profile: &WidthProfile) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for row in blob.rows.iter().filter(|row| !row.at_edge) {
+        let expected = profile.at(row.v).max(1.0);
+        (sum, count) = (sum + (row.width_px / expected).min(ROW_TOO_WIDE), count + 1.0);
+    }
+    if count > 0.0 { sum / count } else { 1.0 }
 }
 
 /// C9: the state relative to the straight line through two floor points, directed away from the vehicle.
@@ -364,6 +409,25 @@ fn straight_state(near: Option<Vec2>, far: Option<Vec2>) -> Option<LineState> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_blob_with_a_kink_keeps_its_longer_piece() {
+        let point = |x: f64, y: f64| FloorPoint {
+            at: Vec2::new(x, y),
+            sigma_m: 0.002,
+            step_m: 0.01,
+        };
+        // A line that bends gently, then a reflection that leads off sideways.
+        let mut points: Vec<FloorPoint> = (0..20)
+            .map(|i| 0.01 * f64::from(i))
+            .map(|x| point(x, x * x))
+            .collect();
+        points.extend((1..6).map(|i| point(0.19, 0.04 + 0.02 * f64::from(i))));
+        let mut pixels = vec![[0.0, 0.0]; points.len()];
+        keep_longest_smooth_run(&mut points, &mut pixels);
+        assert_eq!((points.len(), pixels.len()), (20, 20));
+        keep_longest_smooth_run(&mut Vec::new(), &mut Vec::new());
+    }
 
     #[test]
     fn a_line_on_the_left_has_positive_d_and_one_that_leans_left_positive_theta() {
