@@ -17,7 +17,16 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-const SHORT: [&str; 8] = ["--world", "straight", "--vehicle", "gopigo", "--driver", "line", "--time-limit", "3"];
+const SHORT: [&str; 8] = [
+    "--world",
+    "straight",
+    "--vehicle",
+    "gopigo",
+    "--driver",
+    "line",
+    "--time-limit",
+    "3",
+];
 
 #[test]
 fn without_arguments_it_greets_and_names_three_commands() {
@@ -32,8 +41,19 @@ fn without_arguments_it_greets_and_names_three_commands() {
 fn the_summary_has_every_promised_field() {
     let summary = json(&[&["drive", "--json"], &SHORT[..]].concat());
     for field in [
-        "completed", "laps", "departures", "lost", "lane_error_mean_m", "lane_error_max_m", "heading_error_mean_rad",
-        "heading_error_max_rad", "lap_time_s", "distance_m", "frames", "digest", "wall_s",
+        "completed",
+        "laps",
+        "departures",
+        "lost",
+        "lane_error_mean_m",
+        "lane_error_max_m",
+        "heading_error_mean_rad",
+        "heading_error_max_rad",
+        "lap_time_s",
+        "distance_m",
+        "frames",
+        "digest",
+        "wall_s",
     ] {
         assert!(summary.get(field).is_some(), "{field} is missing");
     }
@@ -48,7 +68,10 @@ fn the_same_run_gives_the_same_bytes_and_its_replay_the_same_commands() {
         senda(&[&["drive", "--seed", "5", "--record", text(&path)], &SHORT[..]].concat()).success();
         std::fs::read(path.join("straight-gopigo-line-5.mcap")).unwrap()
     };
-    assert!(record("a") == record("b"), "two recordings of the same run differ");
+    assert!(
+        record("a") == record("b"),
+        "two recordings of the same run differ"
+    );
     let recording = folder.path().join("a/straight-gopigo-line-5.mcap");
     let replay = json(&["replay", text(&recording), "--json"]);
     assert_eq!(replay["different_commands"], 0);
@@ -68,18 +91,33 @@ fn a_recording_cut_short_is_read_up_to_the_break() {
     let info = senda(&["data", "info", text(&path)]).success();
     let output = String::from_utf8_lossy(&info.get_output().stdout).into_owned()
         + &String::from_utf8_lossy(&info.get_output().stderr);
-    assert!(output.contains("cut") || output.contains("break") || output.contains("ends"), "{output}");
+    assert!(
+        output.contains("cut") || output.contains("break") || output.contains("ends"),
+        "{output}"
+    );
     senda(&["replay", text(&path)]).success();
 }
 
 #[test]
 fn mistakes_are_answered_with_what_to_do() {
-    senda(&["drive", "--world", "ovall"]).failure().stderr(predicate::str::contains("oval"));
-    senda(&["drive", "--driver", "lime"]).failure().stderr(predicate::str::contains("line, lane, expert"));
-    senda(&["drive", "--option", "no_such_option=1"]).failure().stderr(predicate::str::contains("no_such_option"));
-    senda(&["drive", "--laps", "0"]).failure().stderr(predicate::str::contains("laps"));
-    senda(&["drive", "--world", "missing.toml"]).failure().stderr(predicate::str::contains("missing.toml"));
-    senda(&["replay", "missing.mcap"]).failure().stderr(predicate::str::contains("missing.mcap"));
+    senda(&["drive", "--world", "ovall"])
+        .failure()
+        .stderr(predicate::str::contains("oval"));
+    senda(&["drive", "--driver", "lime"])
+        .failure()
+        .stderr(predicate::str::contains("line, lane, expert"));
+    senda(&["drive", "--option", "no_such_option=1"])
+        .failure()
+        .stderr(predicate::str::contains("no_such_option"));
+    senda(&["drive", "--laps", "0"])
+        .failure()
+        .stderr(predicate::str::contains("laps"));
+    senda(&["drive", "--world", "missing.toml"])
+        .failure()
+        .stderr(predicate::str::contains("missing.toml"));
+    senda(&["replay", "missing.mcap"])
+        .failure()
+        .stderr(predicate::str::contains("missing.mcap"));
 }
 
 #[test]
@@ -105,7 +143,10 @@ fn reports_are_one_file_with_everything_inside() {
     senda(&[&["drive", "--report", text(&path)], &SHORT[..]].concat()).success();
     let page = std::fs::read_to_string(path).unwrap();
     assert!(page.starts_with("<!doctype html>") || page.starts_with("<!DOCTYPE html>"));
-    assert!(page.contains("data:image/jpeg;base64") || page.contains("/9j/"), "no pictures inside");
+    assert!(
+        page.contains("data:image/jpeg;base64") || page.contains("/9j/"),
+        "no pictures inside"
+    );
     for foreign in ["src=\"http", "href=\"http", "@import"] {
         assert!(!page.contains(foreign), "the page refers to {foreign}");
     }
@@ -116,7 +157,16 @@ fn a_sweep_gives_rates_with_intervals_and_goes_on_where_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let results = folder.path().join("results.jsonl");
     let arguments = [
-        &["sweep", "--json", "--worlds", "straight,oval", "--seeds", "2", "--results", text(&results)],
+        &[
+            "sweep",
+            "--json",
+            "--worlds",
+            "straight,oval",
+            "--seeds",
+            "2",
+            "--results",
+            text(&results),
+        ],
         &["--vehicle", "gopigo", "--driver", "line", "--time-limit", "1"][..],
     ]
     .concat();
@@ -134,7 +184,17 @@ fn an_interrupted_recording_stays_readable() {
     let folder = tempfile::tempdir().unwrap();
     let program = assert_cmd::cargo::cargo_bin("senda");
     let mut child = std::process::Command::new(program)
-        .args(["drive", "--world", "oval", "--driver", "line", "--laps", "1000", "--record", text(folder.path())])
+        .args([
+            "drive",
+            "--world",
+            "oval",
+            "--driver",
+            "line",
+            "--laps",
+            "1000",
+            "--record",
+            text(folder.path()),
+        ])
         .stdout(std::process::Stdio::null())
         .stderr(std::process::Stdio::null())
         .spawn()
@@ -145,7 +205,10 @@ fn an_interrupted_recording_stays_readable() {
         assert!(child.try_wait().unwrap().is_none(), "the run ended by itself");
         std::thread::yield_now();
     }
-    let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let killed = std::process::Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status()
+        .unwrap();
     assert!(killed.success());
     assert!(child.wait().unwrap().success());
     senda(&["replay", text(&path)]).success();

@@ -12,8 +12,18 @@ pub fn cases() -> Result<Vec<Case>, RunError> {
     let mut cases = senda_sim::bench::cases()?;
     cases.push(extraction(320, 240, "line extraction 320x240")?);
     cases.push(extraction(160, 120, "line extraction 160x120")?);
-    cases.push(closed_loop("line", "oval", "closed loop, line driver, 160x120", 1000.0)?);
-    cases.push(closed_loop("lane", "oval-lane", "closed loop, lane driver, 160x120", 0.0)?);
+    cases.push(closed_loop(
+        "line",
+        "oval",
+        "closed loop, line driver, 160x120",
+        1000.0,
+    )?);
+    cases.push(closed_loop(
+        "lane",
+        "oval-lane",
+        "closed loop, lane driver, 160x120",
+        0.0,
+    )?);
     Ok(cases)
 }
 
@@ -22,8 +32,12 @@ fn extraction(width: u32, height: u32, name: &'static str) -> Result<Case, RunEr
     let image = simulated_frame(width, height)?;
     let spec = crate::scenario::find_vehicle("gopigo")?.with_camera_size(width, height);
     let profile = WidthProfile::from_camera(&spec.body().cameras[0], 0.018);
-    let mut extractor =
-        LineExtractor::new(width as usize, height as usize, &profile, ExtractorOptions::default());
+    let mut extractor = LineExtractor::new(
+        width as usize,
+        height as usize,
+        &profile,
+        ExtractorOptions::default(),
+    );
     Ok(Case {
         name,
         target_per_s: 0.0,
@@ -34,23 +48,29 @@ fn extraction(width: u32, height: u32, name: &'static str) -> Result<Case, RunEr
 }
 
 fn simulated_frame(width: u32, height: u32) -> Result<Image, RunError> {
-    let scenario = Scenario { image_px: Some([width, height]), ..Scenario::new("oval", "gopigo", "line") };
-    let mut simulator =
-        Simulator::new(scenario.resolve_world()?, &scenario.resolve_vehicle()?, SimOptions::default())?;
+    let scenario = Scenario {
+        image_px: Some([width, height]),
+        ..Scenario::new("oval", "gopigo", "line")
+    };
+    let mut simulator = Simulator::new(
+        scenario.resolve_world()?,
+        &scenario.resolve_vehicle()?,
+        SimOptions::default(),
+    )?;
     let mut observation = Observation::default();
     for _ in 0..20 {
         simulator.observe(&mut observation)?;
     }
-    Ok(observation.frames.into_iter().next().map(|frame| frame.image).unwrap_or_default())
+    Ok(observation
+        .frames
+        .into_iter()
+        .next()
+        .map(|frame| frame.image)
+        .unwrap_or_default())
 }
 
 /// One step of the loop: observe, drive, guard, actuate. When the vehicle has gone far enough it begins anew.
-fn closed_loop(
-    driver: &str,
-    world: &str,
-    name: &'static str,
-    target_per_s: f64,
-) -> Result<Case, RunError> {
+fn closed_loop(driver: &str, world: &str, name: &'static str, target_per_s: f64) -> Result<Case, RunError> {
     let scenario = Scenario::new(world, "gopigo", driver);
     let world = scenario.resolve_world()?;
     let spec = scenario.resolve_vehicle()?;

@@ -56,34 +56,65 @@ pub struct Outcome {
 }
 
 /// Drives a scenario, writing a recording to `sink` if there is one.
-pub fn run<W: Write + Seek>(scenario: &Scenario, sink: Option<W>, ears: &mut Ears) -> Result<(Outcome, Option<W>), RunError> {
+pub fn run<W: Write + Seek>(
+    scenario: &Scenario,
+    sink: Option<W>,
+    ears: &mut Ears,
+) -> Result<(Outcome, Option<W>), RunError> {
     scenario.check()?;
     let world = scenario.resolve_world()?;
     let spec = scenario.resolve_vehicle()?;
     let start = Start {
-        station_m: Some(world.path.normalise_station(world.start_station_m + scenario.start.station_m)),
+        station_m: Some(
+            world
+                .path
+                .normalise_station(world.start_station_m + scenario.start.station_m),
+        ),
         offset_m: scenario.start.offset_m,
         heading_rad: scenario.start.heading_rad,
     };
-    let options = SimOptions { seed: scenario.seed, start, ..SimOptions::default() };
+    let options = SimOptions {
+        seed: scenario.seed,
+        start,
+        ..SimOptions::default()
+    };
     let mut simulator = Simulator::new(world.clone(), &spec, options)?;
     let body = believed_body(simulator.body(), scenario.calibration.as_deref())?;
-    let mut pilot =
-        Pilot::named(&scenario.driver, &body, Some(&world.path), scenario.speed_mps, &scenario.driver_options)?;
+    let mut pilot = Pilot::named(
+        &scenario.driver,
+        &body,
+        Some(&world.path),
+        scenario.speed_mps,
+        &scenario.driver_options,
+    )?;
     let mut recorder = match sink {
         Some(sink) => Some(RecordingWriter::new(sink, &header(scenario, &world, &body))?),
         None => None,
     };
     let mut referee = Referee::new(scenario, &world);
     let mut log = Log::new(&body);
-    let ending = steps(&mut simulator, &mut pilot, &mut recorder, &mut referee, &mut log, ears)?;
+    let ending = steps(
+        &mut simulator,
+        &mut pilot,
+        &mut recorder,
+        &mut referee,
+        &mut log,
+        ears,
+    )?;
 
     let (summary, frame_times_ns) = log.summarise(scenario, &world, ending);
     let sink = match recorder {
         Some(recorder) => Some(recorder.finish(&repeatable(&summary))?),
         None => None,
     };
-    Ok((Outcome { summary, ending, frame_times_ns }, sink))
+    Ok((
+        Outcome {
+            summary,
+            ending,
+            frame_times_ns,
+        },
+        sink,
+    ))
 }
 
 /// Drives a scenario without keeping its pictures.
@@ -138,7 +169,12 @@ pub(crate) fn steps<W: Write + Seek>(
     while vehicle.observe(&mut observation)? {
         let began_ns = (ears.clock_ns)();
         let command = guard.check(&observation, pilot.drive(&observation, vehicle.truth()));
-        log.step(&observation, vehicle.truth(), &command, (ears.clock_ns)().saturating_sub(began_ns));
+        log.step(
+            &observation,
+            vehicle.truth(),
+            &command,
+            (ears.clock_ns)().saturating_sub(began_ns),
+        );
         explanation.clear();
         pilot.explain(&mut explanation);
         log.explained(&explanation);
@@ -159,7 +195,12 @@ pub(crate) fn steps<W: Write + Seek>(
 
 /// The summary as it goes into a recording: without wall times, which no second run repeats.
 fn repeatable(summary: &Summary) -> serde_json::Value {
-    let summary = Summary { frame_time_mean_s: None, frame_time_p95_s: None, wall_s: 0.0, ..summary.clone() };
+    let summary = Summary {
+        frame_time_mean_s: None,
+        frame_time_p95_s: None,
+        wall_s: 0.0,
+        ..summary.clone()
+    };
     serde_json::to_value(summary).unwrap_or_default()
 }
 

@@ -17,7 +17,11 @@ pub struct Guard {
 impl Guard {
     /// For a vehicle.
     pub fn new(body: &Body) -> Self {
-        Self { body: body.clone(), last_picture: None, stops: 0 }
+        Self {
+            body: body.clone(),
+            last_picture: None,
+            stops: 0,
+        }
     }
 
     /// How many commands were replaced by a stop.
@@ -38,7 +42,9 @@ impl Guard {
         }
         let body = &self.body;
         let drive = match command.drive {
-            Drive::SpeedMps(speed) => Drive::SpeedMps(speed.clamp(-body.speed_limit_mps, body.speed_limit_mps)),
+            Drive::SpeedMps(speed) => {
+                Drive::SpeedMps(speed.clamp(-body.speed_limit_mps, body.speed_limit_mps))
+            }
             Drive::Throttle(part) => Drive::Throttle(part.clamp(-1.0, 1.0)),
         };
         let turn = match command.turn {
@@ -65,24 +71,51 @@ mod tests {
     use senda_geom::{Camera, Lens, Mounting};
 
     fn body() -> Body {
-        let mounting = Mounting { x_m: 0.0, y_m: 0.0, z_m: 0.1, yaw_rad: 0.0, tilt_rad: 0.5, roll_rad: 0.0 };
+        let mounting = Mounting {
+            x_m: 0.0,
+            y_m: 0.0,
+            z_m: 0.1,
+            yaw_rad: 0.0,
+            tilt_rad: 0.5,
+            roll_rad: 0.0,
+        };
         let lens = Lens::pinhole(4, 4, 1.0, 1.0);
         Body {
             name: "test".into(),
-            steering: Steering::Ackermann { wheelbase_m: 0.2, steering_limit_rad: 0.5 },
+            steering: Steering::Ackermann {
+                wheelbase_m: 0.2,
+                steering_limit_rad: 0.5,
+            },
             width_m: 0.1,
             length_m: 0.2,
             speed_limit_mps: 1.0,
             yaw_rate_limit_radps: 3.0,
             period_s: 0.05,
-            cameras: vec![Camera { name: "center".into(), width_px: 4, height_px: 4, lens, mounting }],
+            cameras: vec![Camera {
+                name: "center".into(),
+                width_px: 4,
+                height_px: 4,
+                lens,
+                mounting,
+            }],
         }
     }
 
     fn at(stamp_s: f64, picture: bool) -> Observation {
         let stamp = Stamp::from_s(stamp_s);
-        let frames = if picture { vec![Frame { stamp, ..Frame::default() }] } else { vec![] };
-        Observation { stamp, frames, ..Observation::default() }
+        let frames = if picture {
+            vec![Frame {
+                stamp,
+                ..Frame::default()
+            }]
+        } else {
+            vec![]
+        };
+        Observation {
+            stamp,
+            frames,
+            ..Observation::default()
+        }
     }
 
     #[test]
@@ -90,7 +123,10 @@ mod tests {
         let mut guard = Guard::new(&body());
         let fast = guard.check(&at(0.0, true), Command::yaw_rate(99.0, 99.0));
         assert_eq!(fast, Command::yaw_rate(3.0, 1.0));
-        assert_eq!(guard.check(&at(0.1, true), Command::curvature(f64::NAN, 0.1)), Command::STOP);
+        assert_eq!(
+            guard.check(&at(0.1, true), Command::curvature(f64::NAN, 0.1)),
+            Command::STOP
+        );
         let tight = guard.check(&at(0.2, true), Command::curvature(1e9, 0.1));
         assert!(matches!(tight.turn, Turn::CurvaturePerM(c) if c < 10.0));
         assert_eq!(guard.stops(), 1);

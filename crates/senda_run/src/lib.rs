@@ -41,6 +41,10 @@ pub struct Ears<'a> {
 impl Ears<'_> {
     /// Nobody listens, nobody interrupts, and no time passes.
     pub fn deaf() -> Self {
-        Self { progress: Box::new(|_| {}), interrupted: Box::new(|| false), clock_ns: Box::new(|| 0) }
+        Self {
+            progress: Box::new(|_| {}),
+            interrupted: Box::new(|| false),
+            clock_ns: Box::new(|| 0),
+        }
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::{Scenario, drive::Ending, referee, trajectory::TrajectoryDigest};
 use senda_core::{Body, Command, Explanation, Observation, Truth};
-use senda_eval::metrics::{self, Motion};
 use senda_eval::Summary;
+use senda_eval::metrics::{self, Motion};
 use senda_world::World;
 
 /// One row a step.
@@ -29,13 +29,22 @@ impl Log {
         }
     }
 
-    pub(crate) fn step(&mut self, seen: &Observation, truth: Option<&Truth>, command: &Command, frame_time_ns: u64) {
+    pub(crate) fn step(
+        &mut self,
+        seen: &Observation,
+        truth: Option<&Truth>,
+        command: &Command,
+        frame_time_ns: u64,
+    ) {
         let speed_asked_mps = self.body.speed_of(command);
         let yaw_rate_asked = self.body.yaw_rate_of(command.turn, speed_asked_mps);
         self.motions.push(Motion {
             time_s: seen.stamp.as_s(),
             yaw_rate_command_radps: yaw_rate_asked,
-            speed_mps: truth.map(|truth| truth.speed_mps).or(seen.speed_mps).unwrap_or(speed_asked_mps),
+            speed_mps: truth
+                .map(|truth| truth.speed_mps)
+                .or(seen.speed_mps)
+                .unwrap_or(speed_asked_mps),
             yaw_rate_radps: truth.map_or(yaw_rate_asked, |truth| truth.yaw_rate_radps),
         });
         self.truths.extend(truth);
@@ -44,8 +53,17 @@ impl Log {
     }
 
     pub(crate) fn explained(&mut self, explanation: &Explanation) {
-        let found = explanation.signals.iter().filter(|signal| signal.name == "found").cloned().collect();
-        self.accounts.push(Explanation { signals: found, shapes: Vec::new(), events: explanation.events.clone() });
+        let found = explanation
+            .signals
+            .iter()
+            .filter(|signal| signal.name == "found")
+            .cloned()
+            .collect();
+        self.accounts.push(Explanation {
+            signals: found,
+            shapes: Vec::new(),
+            events: explanation.events.clone(),
+        });
     }
 
     /// The figures of the run. Ends the log.
@@ -72,7 +90,14 @@ impl Log {
         };
         // Without a clock there is nothing to say about time.
         let timed = times_s.iter().any(|time| *time > 0.0);
-        (if timed { summary.with_frame_times(&times_s) } else { summary }, self.frame_times_ns)
+        (
+            if timed {
+                summary.with_frame_times(&times_s)
+            } else {
+                summary
+            },
+            self.frame_times_ns,
+        )
     }
 }
 

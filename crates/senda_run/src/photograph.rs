@@ -39,19 +39,31 @@ pub fn of_sheet(spec: &VehicleSpec, sheet: &Sheet, seed: u64) -> Result<Image, R
         fill(&mut painting, &polygon, shade);
     }
     let scene = Arc::new(Scene::of_painting(&world, &painting));
-    let start = Start { station_m: Some(0.0), ..Start::default() };
-    let options = SimOptions { seed, start, ..SimOptions::default() };
+    let start = Start {
+        station_m: Some(0.0),
+        ..Start::default()
+    };
+    let options = SimOptions {
+        seed,
+        start,
+        ..SimOptions::default()
+    };
     let mut simulator = Simulator::in_scene(Arc::new(world), scene, spec, options)?;
     let mut observation = Observation::default();
     for _ in 0..SETTLING {
         simulator.observe(&mut observation)?;
     }
-    observation.frames.into_iter().next().map(|frame| frame.image).ok_or_else(|| {
-        RunError::Vehicle(VehicleError::Sensor {
-            sensor: "camera".into(),
-            reason: format!("vehicle `{}` has no camera: give it one", spec.name),
+    observation
+        .frames
+        .into_iter()
+        .next()
+        .map(|frame| frame.image)
+        .ok_or_else(|| {
+            RunError::Vehicle(VehicleError::Sensor {
+                sensor: "camera".into(),
+                reason: format!("vehicle `{}` has no camera: give it one", spec.name),
+            })
         })
-    })
 }
 
 /// Fills a convex polygon (m, counter-clockwise or clockwise) with a shade of gray.
@@ -94,7 +106,15 @@ mod tests {
         };
         let found = calibrate(&image, &sheet, &options).unwrap().camera.unwrap();
         // The simulated mounting is off by some tenths of a degree: that is what calibration is for.
-        assert!((found.mounting.z_m - camera.mounting.z_m).abs() < 0.002, "{:?}", found.mounting);
-        assert!((found.mounting.tilt_rad - camera.mounting.tilt_rad).abs() < 0.03, "{:?}", found.mounting);
+        assert!(
+            (found.mounting.z_m - camera.mounting.z_m).abs() < 0.002,
+            "{:?}",
+            found.mounting
+        );
+        assert!(
+            (found.mounting.tilt_rad - camera.mounting.tilt_rad).abs() < 0.03,
+            "{:?}",
+            found.mounting
+        );
     }
 }

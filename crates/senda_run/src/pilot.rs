@@ -18,7 +18,10 @@ pub enum Pilot {
 pub const DRIVERS: [(&str, &str); 3] = [
     ("line", "follows one line by camera (document C)"),
     ("lane", "stays between two lines by camera (document C)"),
-    ("expert", "is told the true state: for measuring and labelling only"),
+    (
+        "expert",
+        "is told the true state: for measuring and labelling only",
+    ),
 ];
 
 impl Pilot {
@@ -45,7 +48,9 @@ impl Pilot {
             "expert" => {
                 let mut options: ExpertOptions = parse_options(name, options)?;
                 options.set_speed(speed_mps);
-                let path = path.ok_or_else(|| RunError::NoTruth { driver: name.to_owned() })?;
+                let path = path.ok_or_else(|| RunError::NoTruth {
+                    driver: name.to_owned(),
+                })?;
                 Self::Privileged(Box::new(ExpertDriver::new(body, path.clone(), options)?))
             }
             other => {
@@ -84,8 +89,11 @@ impl Pilot {
 }
 
 fn parse_options<T: DeserializeOwned>(driver: &str, options: &toml::Table) -> Result<T, RunError> {
-    options.clone().try_into().map_err(|error: toml::de::Error| RunError::DriverOptions {
-        driver: driver.to_owned(),
-        reason: error.message().to_owned(),
-    })
+    options
+        .clone()
+        .try_into()
+        .map_err(|error: toml::de::Error| RunError::DriverOptions {
+            driver: driver.to_owned(),
+            reason: error.message().to_owned(),
+        })
 }

@@ -5,11 +5,26 @@ use senda_world::{Colour, Difficulty, Kind, World};
 
 /// The families of random worlds, with what each is for.
 pub const FAMILIES: [(&str, &str); 5] = [
-    ("random-line", "one black or white line on a floor as in document C: plain or speckled, matt or glossy"),
-    ("random-lane", "a lane of two such lines for the GoPiGo (document C)"),
-    ("random-line-any", "one line of any colour on any floor, tiles and wood included"),
-    ("random-lane-any", "a lane of two lines of any colour on any floor"),
-    ("random-circuit", "a lane of two tapes for the kit car (document A)"),
+    (
+        "random-line",
+        "one black or white line on a floor as in document C: plain or speckled, matt or glossy",
+    ),
+    (
+        "random-lane",
+        "a lane of two such lines for the GoPiGo (document C)",
+    ),
+    (
+        "random-line-any",
+        "one line of any colour on any floor, tiles and wood included",
+    ),
+    (
+        "random-lane-any",
+        "a lane of two lines of any colour on any floor",
+    ),
+    (
+        "random-circuit",
+        "a lane of two tapes for the kit car (document A)",
+    ),
 ];
 
 /// Floors like those of document C: glossy, speckled, irregular.
@@ -26,8 +41,12 @@ const DOCUMENT_C_FLOORS: [&str; 8] = [
 
 /// The world of a name such as `random-line:17`; `None` for other names.
 pub fn world(name: &str) -> Result<Option<World>, RunError> {
-    let Some((family, seed)) = name.split_once(':') else { return Ok(None) };
-    let Some(difficulty) = difficulty(family) else { return Ok(None) };
+    let Some((family, seed)) = name.split_once(':') else {
+        return Ok(None);
+    };
+    let Some(difficulty) = difficulty(family) else {
+        return Ok(None);
+    };
     let seed = parse_seed(name, seed)?;
     Ok(Some(World::random(seed, &difficulty)))
 }
@@ -36,7 +55,11 @@ pub fn world(name: &str) -> Result<Option<World>, RunError> {
 pub fn difficulty(family: &str) -> Option<Difficulty> {
     let any_line = Difficulty::default();
     // Narrow enough for a camera 54° wide to see both lines: twice C8's half vehicle's width and a little more.
-    let any_lane = Difficulty { kind: Kind::Lane, lane_width_m: [0.13, 0.18], ..Difficulty::default() };
+    let any_lane = Difficulty {
+        kind: Kind::Lane,
+        lane_width_m: [0.13, 0.18],
+        ..Difficulty::default()
+    };
     let document_c = |any: Difficulty| Difficulty {
         floors: DOCUMENT_C_FLOORS.map(str::to_owned).to_vec(),
         colours: vec![Colour::new(24, 24, 26), Colour::new(236, 236, 232)],
@@ -56,7 +79,9 @@ pub fn difficulty(family: &str) -> Option<Difficulty> {
 pub fn expand(names: &[String]) -> Result<Vec<String>, RunError> {
     let mut all = Vec::new();
     for name in names {
-        let range = name.split_once(':').and_then(|(family, seeds)| Some((family, seeds.split_once("..")?)));
+        let range = name
+            .split_once(':')
+            .and_then(|(family, seeds)| Some((family, seeds.split_once("..")?)));
         let Some((family, (first, end))) = range else {
             all.push(name.clone());
             continue;
@@ -75,7 +100,11 @@ fn parse_seed(name: &str, text: &str) -> Result<u64, RunError> {
 }
 
 fn wrong(name: &str) -> RunError {
-    RunError::Scenario { key: "world", found: name.to_owned(), expected: "like `random-line:17` or, in a sweep, `random-line:100..200`" }
+    RunError::Scenario {
+        key: "world",
+        found: name.to_owned(),
+        expected: "like `random-line:17` or, in a sweep, `random-line:100..200`",
+    }
 }
 
 #[cfg(test)]

@@ -33,7 +33,12 @@ impl Referee {
     pub fn new(scenario: &Scenario, world: &World) -> Self {
         let station_m = world.start_station_m + scenario.start.station_m;
         let way_m = way_m(&world.path, world.path.normalise_station(station_m));
-        let goal_m = way_m * if world.path.is_closed() { f64::from(scenario.laps) } else { 1.0 };
+        let goal_m = way_m
+            * if world.path.is_closed() {
+                f64::from(scenario.laps)
+            } else {
+                1.0
+            };
         // The slowest speed that a run without a stated speed is expected to have (m/s): half of C16's slowest.
         let speed_mps = scenario.speed_mps.unwrap_or(0.035);
         Self {
@@ -49,11 +54,14 @@ impl Referee {
     }
 
     /// What a scenario asks to be driven, as the metrics see it.
-pub fn course<'a>(scenario: &Scenario, world: &'a World) -> Course<'a> {
-    Course { open_end_m: OPEN_END_M, ..Course::of(world, Some(f64::from(scenario.laps))) }
-}
+    pub fn course<'a>(scenario: &Scenario, world: &'a World) -> Course<'a> {
+        Course {
+            open_end_m: OPEN_END_M,
+            ..Course::of(world, Some(f64::from(scenario.laps)))
+        }
+    }
 
-/// The length of one lap, or of the way on an open path (m).
+    /// The length of one lap, or of the way on an open path (m).
     pub fn lap_m(&self) -> f64 {
         self.lap_m
     }
@@ -70,14 +78,17 @@ impl Judge for Referee {
         }
         let truth = truth?;
         let now_s = truth.stamp.as_s();
-        let place = self.tracker.advance(&self.path, truth.world_from_vehicle.position());
+        let place = self
+            .tracker
+            .advance(&self.path, truth.world_from_vehicle.position());
         if self.tracker.travelled_m() >= self.goal_m {
             return Some(Ending::Finished);
         }
         if place.offset_m.abs() > self.stray_limit_m {
             return Some(Ending::Strayed);
         }
-        let standing = truth.speed_mps.abs() < STANDING_MPS && matches!(command.drive, senda_core::Drive::SpeedMps(v) if v.abs() < STANDING_MPS);
+        let standing = truth.speed_mps.abs() < STANDING_MPS
+            && matches!(command.drive, senda_core::Drive::SpeedMps(v) if v.abs() < STANDING_MPS);
         let since_s = self.standing_since_s.get_or_insert(now_s);
         if !standing {
             *since_s = now_s;
@@ -90,7 +101,10 @@ impl Judge for Referee {
 
 /// What a scenario asks to be driven, as the metrics see it.
 pub fn course<'a>(scenario: &Scenario, world: &'a World) -> Course<'a> {
-    Course { open_end_m: OPEN_END_M, ..Course::of(world, Some(f64::from(scenario.laps))) }
+    Course {
+        open_end_m: OPEN_END_M,
+        ..Course::of(world, Some(f64::from(scenario.laps)))
+    }
 }
 
 /// The length of one lap, or what is left of an open path up to where the camera sees its end (m).

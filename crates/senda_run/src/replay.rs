@@ -34,7 +34,10 @@ pub struct Replayed {
 /// Replays a recording through a driver. With nothing changed, the commands equal the recorded ones.
 pub fn run(recording: Recording, options: &Options, ears: &mut Ears) -> Result<Replayed, RunError> {
     let recorded: Option<Scenario> = toml::from_str(&recording.header.scenario).ok();
-    let driver = options.driver.clone().unwrap_or_else(|| recording.header.driver.clone());
+    let driver = options
+        .driver
+        .clone()
+        .unwrap_or_else(|| recording.header.driver.clone());
     let mut driver_options = toml::Table::new();
     let mut speed_mps = options.speed_mps;
     if let Some(scenario) = recorded.filter(|scenario| scenario.driver == driver) {
@@ -45,8 +48,13 @@ pub fn run(recording: Recording, options: &Options, ears: &mut Ears) -> Result<R
     let world = recorded_world(&recording)?;
     let mut header = recording.header.clone();
     header.driver.clone_from(&driver);
-    let mut pilot =
-        Pilot::named(&driver, &header.body, world.as_ref().map(|world| &world.path), speed_mps, &driver_options)?;
+    let mut pilot = Pilot::named(
+        &driver,
+        &header.body,
+        world.as_ref().map(|world| &world.path),
+        speed_mps,
+        &driver_options,
+    )?;
     if matches!(pilot, Pilot::Privileged(_)) && recording.steps.iter().all(|step| step.truth.is_none()) {
         return Err(RunError::NoTruth { driver });
     }
@@ -54,7 +62,14 @@ pub fn run(recording: Recording, options: &Options, ears: &mut Ears) -> Result<R
     let mut vehicle = Replay::new(recording);
     let mut recorder = Some(RecordingWriter::new(Cursor::new(Vec::new()), &header)?);
     let mut log = crate::log::Log::new(&header.body);
-    drive::steps(&mut vehicle, &mut pilot, &mut recorder, &mut drive::Unjudged { total, done: 0.0 }, &mut log, ears)?;
+    drive::steps(
+        &mut vehicle,
+        &mut pilot,
+        &mut recorder,
+        &mut drive::Unjudged { total, done: 0.0 },
+        &mut log,
+        ears,
+    )?;
     let bytes = match recorder {
         Some(recorder) => recorder.finish_without_summary()?.into_inner(),
         None => Vec::new(),
@@ -70,6 +85,8 @@ pub fn run(recording: Recording, options: &Options, ears: &mut Ears) -> Result<R
 
 /// The world that a recording was made in, driven the way it was driven; `None` for real vehicles.
 pub fn recorded_world(recording: &Recording) -> Result<Option<World>, RunError> {
-    let Some(text) = &recording.header.world else { return Ok(None) };
+    let Some(text) = &recording.header.world else {
+        return Ok(None);
+    };
     Ok(Some(World::parse("the recording's world", text)?.0))
 }

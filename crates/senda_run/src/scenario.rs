@@ -100,8 +100,10 @@ impl Scenario {
     /// Reads a scenario file. Errors name the line.
     pub fn load(path: &Path) -> Result<Self, RunError> {
         let text = std::fs::read_to_string(path).map_err(|source| RunError::io(path, source))?;
-        toml::from_str(&text)
-            .map_err(|error| RunError::File { path: path.to_owned(), reason: error.to_string().trim_end().to_owned() })
+        toml::from_str(&text).map_err(|error| RunError::File {
+            path: path.to_owned(),
+            reason: error.to_string().trim_end().to_owned(),
+        })
     }
 
     /// As TOML, all keys written.
@@ -118,14 +120,27 @@ impl Scenario {
         if let Some(speed) = self.speed_mps.filter(|speed| !(*speed > 0.0 && *speed <= 60.0)) {
             return wrong("speed_mps", speed.to_string(), "above 0 and at most 60");
         }
-        if let Some(limit) = self.time_limit_s.filter(|limit| !(*limit > 0.0 && limit.is_finite())) {
+        if let Some(limit) = self
+            .time_limit_s
+            .filter(|limit| !(*limit > 0.0 && limit.is_finite()))
+        {
             return wrong("time_limit_s", limit.to_string(), "above 0");
         }
-        if let Some([width, height]) = self.image_px.filter(|size| size.iter().any(|side| !(8..=4096).contains(side))) {
-            return wrong("image_px", format!("[{width}, {height}]"), "two sizes from 8 to 4096");
+        if let Some([width, height]) = self
+            .image_px
+            .filter(|size| size.iter().any(|side| !(8..=4096).contains(side)))
+        {
+            return wrong(
+                "image_px",
+                format!("[{width}, {height}]"),
+                "two sizes from 8 to 4096",
+            );
         }
         let start = self.start;
-        if ![start.station_m, start.offset_m, start.heading_rad].iter().all(|number| number.is_finite()) {
+        if ![start.station_m, start.offset_m, start.heading_rad]
+            .iter()
+            .all(|number| number.is_finite())
+        {
             return wrong("start", format!("{start:?}"), "finite numbers");
         }
         Ok(())
@@ -159,12 +174,19 @@ pub fn believed_body(body: &Body, calibration: Option<&str>) -> Result<Body, Run
     if let (Some(path), Some(camera)) = (calibration, body.cameras.first_mut()) {
         let path = Path::new(path);
         let text = std::fs::read_to_string(path).map_err(|source| RunError::io(path, source))?;
-        let wrong = |reason: String| RunError::File { path: path.to_owned(), reason };
-        let calibration = Calibration::parse(&path.display().to_string(), &text).map_err(|error| wrong(error.to_string()))?;
+        let wrong = |reason: String| RunError::File {
+            path: path.to_owned(),
+            reason,
+        };
+        let calibration = Calibration::parse(&path.display().to_string(), &text)
+            .map_err(|error| wrong(error.to_string()))?;
         let found = calibration.camera.ok_or_else(|| {
             wrong("it was made without the lens, so it holds no camera: calibrate again with the vehicle's lens".into())
         })?;
-        *camera = Camera { name: camera.name.clone(), ..found.resized(camera.width_px, camera.height_px) };
+        *camera = Camera {
+            name: camera.name.clone(),
+            ..found.resized(camera.width_px, camera.height_px)
+        };
     }
     Ok(body)
 }
@@ -212,6 +234,13 @@ mod tests {
         scenario.speed_mps = Some(f64::NAN);
         assert!(scenario.check().unwrap_err().to_string().contains("speed_mps"));
         assert!(toml::from_str::<Scenario>("world = 'a'\nvehicle = 'b'\ndriver = 'c'\nlapps = 2").is_err());
-        assert!(Scenario { laps: 0, ..Scenario::new("a", "b", "c") }.check().is_err());
+        assert!(
+            Scenario {
+                laps: 0,
+                ..Scenario::new("a", "b", "c")
+            }
+            .check()
+            .is_err()
+        );
     }
 }

@@ -113,17 +113,29 @@ impl Plan {
     /// Reads a sweep file. Errors name the line.
     pub fn load(path: &Path) -> Result<Self, RunError> {
         let text = std::fs::read_to_string(path).map_err(|source| RunError::io(path, source))?;
-        toml::from_str(&text)
-            .map_err(|error| RunError::File { path: path.to_owned(), reason: error.to_string().trim_end().to_owned() })
+        toml::from_str(&text).map_err(|error| RunError::File {
+            path: path.to_owned(),
+            reason: error.to_string().trim_end().to_owned(),
+        })
     }
 
     /// Every run of the plan, in a fixed order. Run number i depends on the plan and i alone.
     pub fn runs(&self) -> Result<Vec<Scenario>, RunError> {
-        let or_base = |list: &[String], base: &str| if list.is_empty() { vec![base.to_owned()] } else { list.to_vec() };
+        let or_base = |list: &[String], base: &str| {
+            if list.is_empty() {
+                vec![base.to_owned()]
+            } else {
+                list.to_vec()
+            }
+        };
         let worlds = random::expand(&or_base(&self.worlds, &self.base.world))?;
         let drivers = or_base(&self.drivers, &self.base.driver);
         let some = |list: &[String], base: &Option<String>| -> Vec<Option<String>> {
-            if list.is_empty() { vec![base.clone()] } else { list.iter().cloned().map(Some).collect() }
+            if list.is_empty() {
+                vec![base.clone()]
+            } else {
+                list.iter().cloned().map(Some).collect()
+            }
         };
         let lights = some(&self.lights, &self.base.light);
         let floors = some(&self.floors, &self.base.floor);
@@ -137,16 +149,33 @@ impl Plan {
         } else {
             self.images_px.iter().copied().map(Some).collect()
         };
-        let directions = if self.both_directions { vec![false, true] } else { vec![self.base.reverse] };
+        let directions = if self.both_directions {
+            vec![false, true]
+        } else {
+            vec![self.base.reverse]
+        };
         let seeds: Vec<u64> = (0..self.seeds.max(1)).map(|i| self.base.seed + i).collect();
         let sizes = [
-            worlds.len(), drivers.len(), lights.len(), floors.len(), speeds.len(), images.len(), directions.len(), seeds.len(),
+            worlds.len(),
+            drivers.len(),
+            lights.len(),
+            floors.len(),
+            speeds.len(),
+            images.len(),
+            directions.len(),
+            seeds.len(),
         ];
         let total: usize = sizes.iter().product();
         let scenario = |places: [usize; 8], number: u64| -> Scenario {
             let mut rng = ChaCha8Rng::seed_from_u64(self.base.seed);
             rng.set_stream(number + 1);
-            let mut spread = |half: f64| if half > 0.0 { rng.random_range(-half..=half) } else { 0.0 };
+            let mut spread = |half: f64| {
+                if half > 0.0 {
+                    rng.random_range(-half..=half)
+                } else {
+                    0.0
+                }
+            };
             let start = StartOffset {
                 offset_m: self.base.start.offset_m + spread(self.start_spread.offset_m),
                 heading_rad: self.base.start.heading_rad + spread(self.start_spread.heading_rad),
@@ -167,12 +196,17 @@ impl Plan {
         };
         let mut picker = ChaCha8Rng::seed_from_u64(self.base.seed);
         Ok(match self.sample {
-            None => (0..total).map(|number| scenario(unravel(number, &sizes), number as u64)).collect(),
+            None => (0..total)
+                .map(|number| scenario(unravel(number, &sizes), number as u64))
+                .collect(),
             Some(count) => (0..count as u64)
                 .map(|number| {
                     let places = sizes.map(|size| picker.random_range(0..size));
                     let drawn = scenario(places, number);
-                    Scenario { seed: self.base.seed + number, ..drawn }
+                    Scenario {
+                        seed: self.base.seed + number,
+                        ..drawn
+                    }
                 })
                 .collect(),
         })
@@ -214,10 +248,14 @@ pub fn run(
         }
     }
     let sink: Option<Mutex<File>> = match results {
-        Some(path) => Some(Mutex::new(open_results(path).map_err(|source| RunError::io(path, source))?)),
+        Some(path) => Some(Mutex::new(
+            open_results(path).map_err(|source| RunError::io(path, source))?,
+        )),
         None => None,
     };
-    let missing: Vec<usize> = (0..runs.len()).filter(|i| !done.contains_key(&keys[*i])).collect();
+    let missing: Vec<usize> = (0..runs.len())
+        .filter(|i| !done.contains_key(&keys[*i]))
+        .collect();
     let finished = AtomicUsize::new(runs.len() - missing.len());
     progress(finished.load(Ordering::Relaxed), runs.len());
     let fresh: Result<Vec<Option<Line>>, RunError> = missing
@@ -237,7 +275,12 @@ pub fn run(
                 Ok(outcome) => {
                     let mut summary = outcome.summary;
                     summary.wall_s = clock_ns().saturating_sub(began_ns) as f64 * 1e-9;
-                    Line { key: keys[i].clone(), scenario: runs[i].clone(), summary: Some(summary), error: None }
+                    Line {
+                        key: keys[i].clone(),
+                        scenario: runs[i].clone(),
+                        summary: Some(summary),
+                        error: None,
+                    }
                 }
                 Err(error) => Line {
                     key: keys[i].clone(),
@@ -250,7 +293,8 @@ pub fn run(
                 let mut text = serde_json::to_string(&line).unwrap_or_default();
                 text.push('\n');
                 let mut file = sink.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-                file.write_all(text.as_bytes()).map_err(|source| RunError::io(path, source))?;
+                file.write_all(text.as_bytes())
+                    .map_err(|source| RunError::io(path, source))?;
             }
             progress(finished.fetch_add(1, Ordering::Relaxed) + 1, runs.len());
             Ok(Some(line))
@@ -264,10 +308,18 @@ pub fn run(
 
 /// Opens for appending, after cutting off a last line that was not written whole.
 fn open_results(path: &Path) -> std::io::Result<File> {
-    let mut file = OpenOptions::new().create(true).truncate(false).read(true).write(true).open(path)?;
+    let mut file = OpenOptions::new()
+        .create(true)
+        .truncate(false)
+        .read(true)
+        .write(true)
+        .open(path)?;
     let mut text = Vec::new();
     file.read_to_end(&mut text)?;
-    let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last + 1);
+    let whole = text
+        .iter()
+        .rposition(|byte| *byte == b'\n')
+        .map_or(0, |last| last + 1);
     file.set_len(whole as u64)?;
     file.seek(SeekFrom::Start(whole as u64))?;
     Ok(file)
@@ -280,8 +332,10 @@ pub fn read_results(path: &Path) -> Result<Vec<Line>, RunError> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
         Err(source) => return Err(RunError::io(path, source)),
     };
-    let texts: Vec<String> =
-        BufReader::new(file).lines().collect::<Result<_, _>>().map_err(|source| RunError::io(path, source))?;
+    let texts: Vec<String> = BufReader::new(file)
+        .lines()
+        .collect::<Result<_, _>>()
+        .map_err(|source| RunError::io(path, source))?;
     let mut lines = Vec::with_capacity(texts.len());
     for (index, text) in texts.iter().enumerate() {
         match serde_json::from_str(text) {
@@ -290,7 +344,10 @@ pub fn read_results(path: &Path) -> Result<Vec<Line>, RunError> {
             Err(error) => {
                 return Err(RunError::File {
                     path: path.to_owned(),
-                    reason: format!("line {}: expected a result, but {error}: move the file away to start anew", index + 1),
+                    reason: format!(
+                        "line {}: expected a result, but {error}: move the file away to start anew",
+                        index + 1
+                    ),
                 });
             }
         }
@@ -303,7 +360,10 @@ mod tests {
     use super::*;
 
     fn plan() -> Plan {
-        let mut plan = Plan::once(Scenario { time_limit_s: Some(1.0), ..Scenario::new("straight", "gopigo", "line") });
+        let mut plan = Plan::once(Scenario {
+            time_limit_s: Some(1.0),
+            ..Scenario::new("straight", "gopigo", "line")
+        });
         plan.speeds_mps = vec![0.1, 0.13];
         plan.both_directions = true;
         plan.start_spread.offset_m = 0.02;
@@ -318,7 +378,12 @@ mod tests {
         assert_ne!(runs[0].start, runs[1].start);
         let keys: std::collections::BTreeSet<String> = runs.iter().map(key).collect();
         assert_eq!(keys.len(), 4);
-        let sampled = Plan { sample: Some(10), ..plan() }.runs().unwrap();
+        let sampled = Plan {
+            sample: Some(10),
+            ..plan()
+        }
+        .runs()
+        .unwrap();
         assert_eq!(sampled.len(), 10);
     }
 
@@ -329,13 +394,28 @@ mod tests {
         let silent: &(dyn Fn(usize, usize) + Sync) = &|_, _| {};
         let whole = run(&plan(), None, silent, &|| false, &|| 0).unwrap();
         let asked = AtomicUsize::new(0);
-        let part = run(&plan(), Some(&path), silent, &|| asked.fetch_add(1, Ordering::Relaxed) > 40, &|| 0).unwrap();
+        let part = run(
+            &plan(),
+            Some(&path),
+            silent,
+            &|| asked.fetch_add(1, Ordering::Relaxed) > 40,
+            &|| 0,
+        )
+        .unwrap();
         assert!(part.len() < whole.len());
         // A write that was cut short must not cost the rest.
-        OpenOptions::new().append(true).open(&path).unwrap().write_all(b"{\"key\": \"tor").unwrap();
+        OpenOptions::new()
+            .append(true)
+            .open(&path)
+            .unwrap()
+            .write_all(b"{\"key\": \"tor")
+            .unwrap();
         let resumed = run(&plan(), Some(&path), silent, &|| false, &|| 0).unwrap();
         let digests = |lines: &[Line]| -> Vec<String> {
-            lines.iter().map(|line| line.summary.as_ref().unwrap().digest.clone()).collect()
+            lines
+                .iter()
+                .map(|line| line.summary.as_ref().unwrap().digest.clone())
+                .collect()
         };
         assert_eq!(digests(&whole), digests(&resumed));
     }

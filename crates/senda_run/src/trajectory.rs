@@ -15,7 +15,13 @@ impl TrajectoryDigest {
         self.hasher.update(stamp.ns.to_le_bytes());
         if let Some(truth) = truth {
             let pose = truth.world_from_vehicle;
-            for number in [pose.x_m, pose.y_m, pose.heading_rad, truth.speed_mps, truth.yaw_rate_radps] {
+            for number in [
+                pose.x_m,
+                pose.y_m,
+                pose.heading_rad,
+                truth.speed_mps,
+                truth.yaw_rate_radps,
+            ] {
                 self.hasher.update(number.to_bits().to_le_bytes());
             }
         }
@@ -35,6 +41,10 @@ impl TrajectoryDigest {
 
     /// The digest in hexadecimal, 64 characters.
     pub fn finish(self) -> String {
-        self.hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        self.hasher
+            .finalize()
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect()
     }
 }

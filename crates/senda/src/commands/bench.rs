@@ -32,20 +32,32 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let mut rows = Vec::new();
     if !arguments.json {
         println!("one thread, median of rounds; ratio: measured over promised (on a 2-core AVX2 machine)\n");
-        println!("{:44} {:>12} {:>12} {:>10} {:>7}", "", "a second", "best", "promised", "ratio");
+        println!(
+            "{:44} {:>12} {:>12} {:>10} {:>7}",
+            "", "a second", "best", "promised", "ratio"
+        );
     }
     for mut case in cases()? {
         if terminal::interrupted() {
             break;
         }
-        if arguments.only.as_ref().is_some_and(|only| !case.name.contains(only.as_str())) {
+        if arguments
+            .only
+            .as_ref()
+            .is_some_and(|only| !case.name.contains(only.as_str()))
+        {
             continue;
         }
         let row = measure(&mut case, arguments.seconds);
         if !arguments.json {
-            let promised = row.target_per_s.map_or("-".to_owned(), |target| format!("{target:.0}"));
+            let promised = row
+                .target_per_s
+                .map_or("-".to_owned(), |target| format!("{target:.0}"));
             let ratio = row.ratio.map_or("-".to_owned(), |ratio| format!("{ratio:.2}"));
-            println!("{:44} {:>12.0} {:>12.0} {promised:>10} {ratio:>7}", row.name, row.per_s, row.best_per_s);
+            println!(
+                "{:44} {:>12.0} {:>12.0} {promised:>10} {ratio:>7}",
+                row.name, row.per_s, row.best_per_s
+            );
         }
         rows.push(row);
     }

@@ -104,18 +104,35 @@ enum What {
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     match arguments.what {
-        What::Sheet { out, landscape, vehicle } => {
+        What::Sheet {
+            out,
+            landscape,
+            vehicle,
+        } => {
             let page = page(landscape, &vehicle)?;
             let bytes = match extension(&out) {
                 "pdf" => sheet::pdf(&page),
                 "svg" => sheet::svg(&page).into_bytes(),
-                other => bail!("{}: expected a name that ends in .pdf or .svg, but found `{other}`", out.display()),
+                other => bail!(
+                    "{}: expected a name that ends in .pdf or .svg, but found `{other}`",
+                    out.display()
+                ),
             };
             write_file(&out, &bytes)?;
             println!("{}: print at 100 % and check the ruler", out.display());
             Ok(())
         }
-        What::Camera { photo, simulate: _, vehicle, landscape, unknown_lens, accept, seed, out, overlay } => {
+        What::Camera {
+            photo,
+            simulate: _,
+            vehicle,
+            landscape,
+            unknown_lens,
+            accept,
+            seed,
+            out,
+            overlay,
+        } => {
             let spec = find_vehicle(&vehicle)?;
             let page = page(landscape, &vehicle)?;
             let (image, encoded) = match photo {
@@ -126,7 +143,12 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                     (image, encoded)
                 }
             };
-            let camera = spec.body().cameras.into_iter().next().context("the vehicle has no camera")?;
+            let camera = spec
+                .body()
+                .cameras
+                .into_iter()
+                .next()
+                .context("the vehicle has no camera")?;
             let camera = camera.resized(image.width() as u32, image.height() as u32);
             let options = CalibrationOptions {
                 lens: (!unknown_lens).then_some(camera.lens),
@@ -140,33 +162,59 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             let result = calibrate(&image, &page, &options);
             if let Some(path) = overlay {
                 let shapes = self::overlay(&result, image.width() as u32, image.height() as u32);
-                write_file(&path, senda_eval::report::picture_svg(&image, &encoded, &shapes).as_bytes())?;
+                write_file(
+                    &path,
+                    senda_eval::report::picture_svg(&image, &encoded, &shapes).as_bytes(),
+                )?;
             }
             let calibration = result?;
             write_file(&out, calibration.to_toml().as_bytes())?;
             describe(&calibration, &out);
             Ok(())
         }
-        What::Placement { height, view_deg, near, far } => {
+        What::Placement {
+            height,
+            view_deg,
+            near,
+            far,
+        } => {
             let view = view_deg.to_radians();
             if let (Some(near), Some(far)) = (near, far) {
                 let Some(mountings) = placement::mountings_for(near, far, view) else {
-                    bail!("no height and tilt let {view_deg}° see from {near} to {far} m: a larger view angle is needed");
+                    bail!(
+                        "no height and tilt let {view_deg}° see from {near} to {far} m: a larger view angle is needed"
+                    );
                 };
                 for (height, tilt) in mountings {
                     println!("height {:.1} cm, tilt {:.1}°", height * 100.0, tilt.to_degrees());
                 }
                 return Ok(());
             }
-            println!("height {:.1} cm, vertical view {view_deg}°\n  tilt   sees from      to", height * 100.0);
+            println!(
+                "height {:.1} cm, vertical view {view_deg}°\n  tilt   sees from      to",
+                height * 100.0
+            );
             for row in placement::table(height, view, 1f64.to_radians()) {
                 let far_m = row.view.far_m;
-                let far = if far_m.is_finite() { format!("{:.1} cm", far_m * 100.0) } else { "horizon".into() };
-                println!("{:5.1}° {:9.1} cm {far:>9}", row.tilt_rad.to_degrees(), row.view.near_m * 100.0);
+                let far = if far_m.is_finite() {
+                    format!("{:.1} cm", far_m * 100.0)
+                } else {
+                    "horizon".into()
+                };
+                println!(
+                    "{:5.1}° {:9.1} cm {far:>9}",
+                    row.tilt_rad.to_degrees(),
+                    row.view.near_m * 100.0
+                );
             }
             Ok(())
         }
-        What::ViewAngle { page_px, image_px, page, distance } => {
+        What::ViewAngle {
+            page_px,
+            image_px,
+            page,
+            distance,
+        } => {
             let angle = placement::view_angle_rad(page_px, image_px, page, distance)
                 .context("expected sizes and a distance above 0, and a page not larger than the picture")?;
             println!("{:.1}°", angle.to_degrees());
@@ -187,7 +235,11 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
 }
 
 fn page(landscape: bool, vehicle: &str) -> Result<Sheet> {
-    let mut page = if landscape { Sheet::a4_landscape() } else { Sheet::a4_portrait() };
+    let mut page = if landscape {
+        Sheet::a4_landscape()
+    } else {
+        Sheet::a4_portrait()
+    };
     if let senda_core::Steering::Differential { track_m } = find_vehicle(vehicle)?.steering {
         page.track_m = track_m;
     }
@@ -196,7 +248,9 @@ fn page(landscape: bool, vehicle: &str) -> Result<Sheet> {
 }
 
 fn extension(path: &Path) -> &str {
-    path.extension().and_then(|extension| extension.to_str()).unwrap_or_default()
+    path.extension()
+        .and_then(|extension| extension.to_str())
+        .unwrap_or_default()
 }
 
 fn read_picture(path: &Path) -> Result<(senda_core::Image, Encoded)> {
@@ -238,7 +292,11 @@ fn parse_measurements(path: &Path, text: &str) -> Result<Vec<Measurement>> {
         let numbers: Option<Vec<f64>> = line.split(',').map(|cell| cell.trim().parse().ok()).collect();
         match numbers.as_deref() {
             Some([value, revolutions_per_s, volts]) => {
-                rows.push(Measurement { value: *value, revolutions_per_s: *revolutions_per_s, volts: *volts });
+                rows.push(Measurement {
+                    value: *value,
+                    revolutions_per_s: *revolutions_per_s,
+                    volts: *volts,
+                });
             }
             _ => bail!(
                 "{}:{}: expected value,turns_per_s,volts such as 100,0.73,9.277, but found `{line}`",

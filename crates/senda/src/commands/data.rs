@@ -54,7 +54,12 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             let all = senda_data::import(&data, &body, &out)
                 .with_context(|| format!("cannot import {}", data.display()))?;
             for written in all {
-                println!("{}: {} steps, {:.1} s", written.path.display(), written.steps, written.duration_s);
+                println!(
+                    "{}: {} steps, {:.1} s",
+                    written.path.display(),
+                    written.steps,
+                    written.duration_s
+                );
                 for warning in written.warnings.iter().take(10) {
                     eprintln!("warning: {warning}");
                 }

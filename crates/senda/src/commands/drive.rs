@@ -60,7 +60,12 @@ pub(crate) struct ScenarioFlags {
     #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
     pub(crate) start_heading: Option<f64>,
     /// The same in degrees
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true, conflicts_with = "start_heading")]
+    #[arg(
+        long,
+        value_name = "DEG",
+        allow_negative_numbers = true,
+        conflicts_with = "start_heading"
+    )]
     pub(crate) start_heading_deg: Option<f64>,
     /// Calibration file: the driver believes its camera instead of the vehicle file's
     #[arg(long, value_name = "FILE")]
@@ -145,7 +150,9 @@ pub(crate) fn merge(into: &mut toml::Table, from: toml::Table) {
 }
 
 pub(crate) fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let sizes = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    let sizes = text
+        .split_once('x')
+        .and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     sizes.ok_or_else(|| format!("expected WIDTHxHEIGHT such as 160x120, but found `{text}`"))
 }
 
@@ -167,7 +174,10 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let scenario = arguments.flags.scenario()?;
     let began_ns = terminal::clock_ns();
-    let bar = terminal::bar(&format!("{} {} {}", scenario.driver, scenario.world, scenario.vehicle));
+    let bar = terminal::bar(&format!(
+        "{} {} {}",
+        scenario.driver, scenario.world, scenario.vehicle
+    ));
     let mut ears = terminal::ears(&bar);
     let (mut outcome, recording) = match (&arguments.record, &arguments.report) {
         (Some(folder), report) => {
@@ -176,7 +186,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             let (outcome, _) = drive::run(&scenario, Some(BufWriter::new(file)), &mut ears)
                 .with_context(|| format!("while recording to {}", path.display()))?;
             eprintln!("recording: {}", path.display());
-            let recording = report.is_some().then(|| senda_data::Recording::read(&path)).transpose()?;
+            let recording = report
+                .is_some()
+                .then(|| senda_data::Recording::read(&path))
+                .transpose()?;
             (outcome, recording)
         }
         (None, Some(_)) => {
@@ -189,9 +202,16 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     bar.finish_and_clear();
     outcome.summary.wall_s = terminal::seconds_since(began_ns);
     if let (Some(path), Some(recording)) = (&arguments.report, recording) {
-        let title = format!("{} drives {} on {}", scenario.driver, scenario.vehicle, scenario.world);
+        let title = format!(
+            "{} drives {} on {}",
+            scenario.driver, scenario.vehicle, scenario.world
+        );
         let (summary, frame_times_ns) = (outcome.summary.clone(), outcome.frame_times_ns);
-        let run = PageRun { recording, summary, frame_times_ns };
+        let run = PageRun {
+            recording,
+            summary,
+            frame_times_ns,
+        };
         write_file(path, page(&title, &command_line(), &[run])?.as_bytes())?;
         eprintln!("report: {}", path.display());
     }
@@ -207,10 +227,22 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
 fn recording_path(folder: &Path, scenario: &Scenario) -> Result<PathBuf> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot make folder {}", folder.display()))?;
     let stem = |name: &str| -> String {
-        let last = Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        last.chars().map(|c| if c.is_alphanumeric() || c == '-' { c } else { '-' }).collect()
+        let last = Path::new(name)
+            .file_stem()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+        last.chars()
+            .map(|c| if c.is_alphanumeric() || c == '-' { c } else { '-' })
+            .collect()
     };
-    let name = format!("{}-{}-{}-{}", stem(&scenario.world), stem(&scenario.vehicle), scenario.driver, scenario.seed);
+    let name = format!(
+        "{}-{}-{}-{}",
+        stem(&scenario.world),
+        stem(&scenario.vehicle),
+        scenario.driver,
+        scenario.seed
+    );
     let mut path = folder.join(format!("{name}.mcap"));
     let mut number = 2;
     while path.exists() {

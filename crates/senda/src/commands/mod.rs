@@ -17,7 +17,8 @@ use std::path::Path;
 /// Writes a file whole or not at all: a full disk must not leave half a report over a good one.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder).with_context(|| format!("cannot make folder {}", folder.display()))?;
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("cannot make folder {}", folder.display()))?;
     }
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".part");

@@ -83,15 +83,28 @@ fn warn(recording: &Recording) {
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let (recording, foreign) = open(&arguments.data, &arguments.vehicle)?;
-    let driver = arguments.driver.clone().or_else(|| foreign.then(|| "lane".to_owned()));
+    let driver = arguments
+        .driver
+        .clone()
+        .or_else(|| foreign.then(|| "lane".to_owned()));
     let mut driver_options = toml::Table::new();
     if foreign && driver.as_deref() == Some("lane") {
         driver_options = parse_option_list(&FOREIGN_LANE.map(str::to_owned))?;
-        eprintln!("options for a vehicle that does not obey: {}", FOREIGN_LANE.join(" "));
+        eprintln!(
+            "options for a vehicle that does not obey: {}",
+            FOREIGN_LANE.join(" ")
+        );
     }
     merge(&mut driver_options, parse_option_list(&arguments.options)?);
-    let options = replay::Options { driver, speed_mps: arguments.speed, driver_options };
-    let changed = options.driver.as_deref().is_some_and(|driver| driver != recording.header.driver)
+    let options = replay::Options {
+        driver,
+        speed_mps: arguments.speed,
+        driver_options,
+    };
+    let changed = options
+        .driver
+        .as_deref()
+        .is_some_and(|driver| driver != recording.header.driver)
         || options.speed_mps.is_some()
         || !options.driver_options.is_empty();
     let human = recording.clone();
@@ -127,7 +140,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         println!("{}", serde_json::to_string_pretty(&value)?);
         return Ok(());
     }
-    println!("{} steps replayed with driver {}", replayed.steps, replayed.recording.header.driver);
+    println!(
+        "{} steps replayed with driver {}",
+        replayed.steps, replayed.recording.header.driver
+    );
     if replayed.damaged_frames > 0 {
         println!("{} damaged frames left out", replayed.damaged_frames);
     }
@@ -139,7 +155,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     } else if replayed.different_commands == 0 {
         println!("every command equals the recorded one");
     } else if changed {
-        println!("{} commands differ from the recorded driver's", replayed.different_commands);
+        println!(
+            "{} commands differ from the recorded driver's",
+            replayed.different_commands
+        );
     } else {
         bail!(
             "{} of {} commands differ from the recorded ones: the recording was made by another version of senda ({}), or senda is broken",

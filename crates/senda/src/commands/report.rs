@@ -30,7 +30,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         let recording = super::replay::read_recording(path)?;
         runs.push(PageRun::recorded(recording));
     }
-    write_file(&arguments.out, page(&arguments.title, &command_line(), &runs)?.as_bytes())?;
+    write_file(
+        &arguments.out,
+        page(&arguments.title, &command_line(), &runs)?.as_bytes(),
+    )?;
     println!("{}", arguments.out.display());
     Ok(())
 }
@@ -46,9 +49,16 @@ pub(crate) struct PageRun {
 impl PageRun {
     /// With the summary that the recording holds, or a new one where it was cut short.
     pub(crate) fn recorded(recording: Recording) -> Self {
-        let held = recording.summary.clone().and_then(|value| serde_json::from_value(value).ok());
+        let held = recording
+            .summary
+            .clone()
+            .and_then(|value| serde_json::from_value(value).ok());
         let summary = held.unwrap_or_else(|| Summary::from_recording(&recording, None));
-        Self { recording, summary, frame_times_ns: Vec::new() }
+        Self {
+            recording,
+            summary,
+            frame_times_ns: Vec::new(),
+        }
     }
 }
 
@@ -58,11 +68,18 @@ pub(crate) fn page(title: &str, command: &str, runs: &[PageRun]) -> Result<Strin
     for run in runs {
         worlds.push(recorded_world(&run.recording)?);
     }
-    let scenarios: Vec<Option<Scenario>> =
-        runs.iter().map(|run| toml::from_str(&run.recording.header.scenario).ok()).collect();
-    let commands: Vec<String> = scenarios.iter().map(|scenario| scenario.as_ref().map_or(String::new(), as_command)).collect();
-    let times_s: Vec<Vec<f64>> =
-        runs.iter().map(|run| run.frame_times_ns.iter().map(|ns| *ns as f64 * 1e-9).collect()).collect();
+    let scenarios: Vec<Option<Scenario>> = runs
+        .iter()
+        .map(|run| toml::from_str(&run.recording.header.scenario).ok())
+        .collect();
+    let commands: Vec<String> = scenarios
+        .iter()
+        .map(|scenario| scenario.as_ref().map_or(String::new(), as_command))
+        .collect();
+    let times_s: Vec<Vec<f64>> = runs
+        .iter()
+        .map(|run| run.frame_times_ns.iter().map(|ns| *ns as f64 * 1e-9).collect())
+        .collect();
     let shown: Vec<ReportRun> = runs
         .iter()
         .enumerate()
@@ -80,14 +97,21 @@ pub(crate) fn page(title: &str, command: &str, runs: &[PageRun]) -> Result<Strin
         })
         .collect();
     let mut head = Page::new(title, command);
-    head.notes = runs.iter().flat_map(|run| run.recording.warnings.iter().cloned()).take(20).collect();
+    head.notes = runs
+        .iter()
+        .flat_map(|run| run.recording.warnings.iter().cloned())
+        .take(20)
+        .collect();
     Ok(report::html(&head, &shown))
 }
 
 /// The command line that repeats a scenario.
 pub(crate) fn as_command(scenario: &Scenario) -> String {
     let mut words = vec![
-        format!("senda drive --world {} --vehicle {} --driver {}", scenario.world, scenario.vehicle, scenario.driver),
+        format!(
+            "senda drive --world {} --vehicle {} --driver {}",
+            scenario.world, scenario.vehicle, scenario.driver
+        ),
         format!("--laps {} --seed {}", scenario.laps, scenario.seed),
     ];
     let mut flag = |name: &str, value: Option<String>| {
@@ -98,7 +122,12 @@ pub(crate) fn as_command(scenario: &Scenario) -> String {
     flag("light", scenario.light.clone());
     flag("floor", scenario.floor.clone());
     flag("speed", scenario.speed_mps.map(|speed| speed.to_string()));
-    flag("image", scenario.image_px.map(|[width, height]| format!("{width}x{height}")));
+    flag(
+        "image",
+        scenario
+            .image_px
+            .map(|[width, height]| format!("{width}x{height}")),
+    );
     let start = scenario.start;
     let nonzero = |value: f64| (value != 0.0).then(|| value.to_string());
     flag("start-station", nonzero(start.station_m));
@@ -117,6 +146,15 @@ pub(crate) fn as_command(scenario: &Scenario) -> String {
 
 /// The command line as it was typed.
 pub(crate) fn command_line() -> String {
-    let words = std::env::args().skip(1).map(|word| if word.contains(' ') { format!("'{word}'") } else { word });
-    std::iter::once("senda".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
+    let words = std::env::args().skip(1).map(|word| {
+        if word.contains(' ') {
+            format!("'{word}'")
+        } else {
+            word
+        }
+    });
+    std::iter::once("senda".to_owned())
+        .chain(words)
+        .collect::<Vec<_>>()
+        .join(" ")
 }

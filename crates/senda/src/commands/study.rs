@@ -35,7 +35,12 @@ struct Follow {
     #[arg(long, value_delimiter = ',', default_value = "0")]
     kd: Vec<f64>,
     /// Look-ahead distances (m)
-    #[arg(long = "look-ahead", value_delimiter = ',', default_value = "0.4", value_name = "M")]
+    #[arg(
+        long = "look-ahead",
+        value_delimiter = ',',
+        default_value = "0.4",
+        value_name = "M"
+    )]
     look_ahead: Vec<f64>,
     /// Speed (m/s)
     #[arg(long, default_value_t = 0.07)]
@@ -79,10 +84,15 @@ struct Follow {
 }
 
 fn parse_start(text: &str) -> Result<Start, String> {
-    let numbers = text.split_once(':').and_then(|(d, angle)| Some((d.parse::<f64>().ok()?, angle.parse::<f64>().ok()?)));
-    let (d_cm, theta_deg) =
-        numbers.ok_or_else(|| format!("expected DISTANCE_CM:ANGLE_DEG such as -21.5:44.6, but found `{text}`"))?;
-    Ok(Start { d_m: d_cm / 100.0, theta_rad: theta_deg.to_radians() })
+    let numbers = text
+        .split_once(':')
+        .and_then(|(d, angle)| Some((d.parse::<f64>().ok()?, angle.parse::<f64>().ok()?)));
+    let (d_cm, theta_deg) = numbers
+        .ok_or_else(|| format!("expected DISTANCE_CM:ANGLE_DEG such as -21.5:44.6, but found `{text}`"))?;
+    Ok(Start {
+        d_m: d_cm / 100.0,
+        theta_rad: theta_deg.to_radians(),
+    })
 }
 
 fn parse_form(text: &str) -> Result<Form, String> {
@@ -90,7 +100,9 @@ fn parse_form(text: &str) -> Result<Form, String> {
         "document" => Ok(Form::Document),
         "curve" => Ok(Form::Curve),
         "pure-pursuit" => Ok(Form::PurePursuit),
-        other => Err(format!("expected document, curve or pure-pursuit, but found `{other}`")),
+        other => Err(format!(
+            "expected document, curve or pure-pursuit, but found `{other}`"
+        )),
     }
 }
 
@@ -126,7 +138,9 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     }
     println!("start d, angle      Kp    Ki    Kd     L      settles  overshoot  largest d  verdict");
     for trace in &traces {
-        let settles = trace.settle_time_s.map_or("never".to_owned(), |time| format!("{time:.1} s"));
+        let settles = trace
+            .settle_time_s
+            .map_or("never".to_owned(), |time| format!("{time:.1} s"));
         println!(
             "{:6.1} cm {:6.1}°  {:5.2} {:5.2} {:5.2} {:5.0} cm {:>10} {:7.1} cm {:7.1} cm  {}",
             trace.start.d_m * 100.0,
@@ -153,14 +167,12 @@ fn page(traces: &[Trace]) -> String {
     let shown: Vec<StudyTrace> = traces
         .iter()
         .map(|trace| StudyTrace {
-            group: format!("from {:.1} cm, {:.1}°", trace.start.d_m * 100.0, trace.start.theta_rad.to_degrees()),
-            label: format!(
-                "Kp {} Ki {} Kd {} L {:.0} cm",
-                trace.gains.kp_per_s,
-                trace.gains.ki_per_s2,
-                trace.gains.kd,
-                trace.look_ahead_m * 100.0
+            group: format!(
+                "from {:.1} cm, {:.1}°",
+                trace.start.d_m * 100.0,
+                trace.start.theta_rad.to_degrees()
             ),
+            label: label(trace),
             verdict: verdict(trace.verdict).to_owned(),
             good: trace.verdict == Verdict::Converges,
             settle_time_s: trace.settle_time_s,
@@ -172,6 +184,21 @@ fn page(traces: &[Trace]) -> String {
         })
         .collect();
     study_html(&Page::new("Study of the path follower", &command_line()), &shown)
+}
+
+/// `Kp 1.1, L 40 cm`, and the other gains where they are used.
+fn label(trace: &Trace) -> String {
+    let mut label = format!(
+        "Kp {}, L {:.0} cm",
+        trace.gains.kp_per_s,
+        trace.look_ahead_m * 100.0
+    );
+    for (name, gain) in [("Ki", trace.gains.ki_per_s2), ("Kd", trace.gains.kd)] {
+        if gain != 0.0 {
+            label += &format!(", {name} {gain}");
+        }
+    }
+    label
 }
 
 fn verdict(verdict: Verdict) -> &'static str {

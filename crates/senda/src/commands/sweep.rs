@@ -139,7 +139,13 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         bar.set_message(format!("sweep {done}/{total}"));
     };
     let lines = pool.install(|| {
-        sweep::run(&plan, arguments.results.as_deref(), &progress, &terminal::interrupted, &terminal::clock_ns)
+        sweep::run(
+            &plan,
+            arguments.results.as_deref(),
+            &progress,
+            &terminal::interrupted,
+            &terminal::clock_ns,
+        )
     })?;
     bar.finish_and_clear();
     let wall_s = terminal::seconds_since(began_ns);
@@ -154,7 +160,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let runs: Vec<SweepRun> = lines.iter().map(sweep_run).collect();
     let table = sweep_table(&runs);
     if let Some(path) = &arguments.report {
-        write_file(path, sweep_html(&Page::new("Sweep", &command_line()), &runs).as_bytes())?;
+        write_file(
+            path,
+            sweep_html(&Page::new("Sweep", &command_line()), &runs).as_bytes(),
+        )?;
         eprintln!("report: {}", path.display());
     }
     if arguments.json {
@@ -168,9 +177,14 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         println!("{}", serde_json::to_string_pretty(&value)?);
         return Ok(());
     }
-    println!("{:30} {:>6}  {:>24}  {:>24}  {:>12}", "", "runs", "completed", "without a loss", "lane error");
+    println!(
+        "{:30} {:>6}  {:>24}  {:>24}  {:>12}",
+        "", "runs", "completed", "without a loss", "lane error"
+    );
     for row in &table.rows {
-        let error = row.lane_error_m.map_or("-".to_owned(), |error| format!("{:.2} cm", error.value * 100.0));
+        let error = row
+            .lane_error_m
+            .map_or("-".to_owned(), |error| format!("{:.2} cm", error.value * 100.0));
         println!(
             "{:30} {:>6}  {:>24}  {:>24}  {:>12}",
             format!("{} {}", row.by, row.value),
@@ -190,12 +204,23 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
 /// `98.4 % (96.9 to 99.2)`.
 fn percent(rate: &Rate) -> String {
     let Interval { value, low, high } = rate.interval;
-    format!("{:.1} % ({:.1} to {:.1})", value * 100.0, low * 100.0, high * 100.0)
+    format!(
+        "{:.1} % ({:.1} to {:.1})",
+        value * 100.0,
+        low * 100.0,
+        high * 100.0
+    )
 }
 
 /// Random worlds are counted under their family's name.
 fn sweep_run(line: &Line) -> SweepRun {
-    let world = line.scenario.world.split(':').next().unwrap_or_default().to_owned();
+    let world = line
+        .scenario
+        .world
+        .split(':')
+        .next()
+        .unwrap_or_default()
+        .to_owned();
     SweepRun {
         world,
         summary: line.summary.clone(),

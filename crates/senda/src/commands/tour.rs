@@ -64,12 +64,19 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 clock_ns: Box::new(terminal::clock_ns),
             };
             let (outcome, recording) = drive::recorded(&scenario, &mut ears)?;
-            Ok(PageRun { recording, summary: outcome.summary, frame_times_ns: outcome.frame_times_ns })
+            Ok(PageRun {
+                recording,
+                summary: outcome.summary,
+                frame_times_ns: outcome.frame_times_ns,
+            })
         })
         .collect();
     let runs = runs?;
     bar.finish_and_clear();
-    write_file(&arguments.report, page("A tour with senda", &command_line(), &runs)?.as_bytes())?;
+    write_file(
+        &arguments.report,
+        page("A tour with senda", &command_line(), &runs)?.as_bytes(),
+    )?;
     if arguments.json {
         let summaries: Vec<&Summary> = runs.iter().map(|run| &run.summary).collect();
         println!("{}", serde_json::to_string_pretty(&summaries)?);
@@ -89,7 +96,12 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             centimetres(summary.lane_error_max_m),
         );
     }
-    println!("\n{} runs in {:.1} s. Open {}", runs.len(), terminal::seconds_since(began_ns), arguments.report.display());
+    println!(
+        "\n{} runs in {:.1} s. Open {}",
+        runs.len(),
+        terminal::seconds_since(began_ns),
+        arguments.report.display()
+    );
     Ok(())
 }
 

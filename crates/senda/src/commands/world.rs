@@ -91,7 +91,13 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             Ok(())
         }
         What::Check { files, vehicle } => check(&files, vehicle.as_deref()),
-        What::Draw { world, out, resolution, floor, light } => {
+        What::Draw {
+            world,
+            out,
+            resolution,
+            floor,
+            light,
+        } => {
             let mut world = find_world(&world)?;
             if let Some(floor) = floor {
                 world = world.with_floor(&floor)?;
@@ -105,20 +111,31 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             let bytes = match extension(&out) {
                 "svg" => draw::svg(&world).into_bytes(),
                 "png" => draw::png(&paint::paint(&world, 1.0 / resolution)),
-                other => bail!("{}: expected a name that ends in .svg or .png, but found `{other}`", out.display()),
+                other => bail!(
+                    "{}: expected a name that ends in .svg or .png, but found `{other}`",
+                    out.display()
+                ),
             };
             write_file(&out, &bytes)?;
             println!("{}", out.display());
             Ok(())
         }
-        What::Random { seed, family, min_radius, length, out } => {
+        What::Random {
+            seed,
+            family,
+            min_radius,
+            length,
+            out,
+        } => {
             let Some(mut difficulty) = random::difficulty(&family) else {
                 let known: Vec<&str> = random::FAMILIES.iter().map(|(name, _)| *name).collect();
                 bail!("--family {family}: expected one of {}", known.join(", "));
             };
             difficulty.min_radius_m = min_radius.unwrap_or(difficulty.min_radius_m);
             if let Some(length) = length {
-                let [least, most] = length.as_slice() else { bail!("--length: expected two numbers such as 4,9") };
+                let [least, most] = length.as_slice() else {
+                    bail!("--length: expected two numbers such as 4,9")
+                };
                 difficulty.length_m = [*least, *most];
             }
             let world = World::random(seed, &difficulty);
@@ -126,7 +143,13 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             println!("{}: {:.2} m", out.display(), world.path.length_m());
             Ok(())
         }
-        What::Print { world, out, paper, landscape, outline } => {
+        What::Print {
+            world,
+            out,
+            paper,
+            landscape,
+            outline,
+        } => {
             let world = find_world(&world)?;
             let paper = match paper.as_str() {
                 "a4" => Paper::A4,
@@ -134,9 +157,18 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 other => bail!("--paper {other}: expected a4 or a3"),
             };
             let ink = if outline { Ink::Outline } else { Ink::Full };
-            let options = PrintOptions { paper, landscape, ink, ..PrintOptions::default() };
-            let print = Print::new(&world, &options)
-                .with_context(|| format!("{}: nothing to print, or more than {SHEET_LIMIT} sheets", world.name))?;
+            let options = PrintOptions {
+                paper,
+                landscape,
+                ink,
+                ..PrintOptions::default()
+            };
+            let print = Print::new(&world, &options).with_context(|| {
+                format!(
+                    "{}: nothing to print, or more than {SHEET_LIMIT} sheets",
+                    world.name
+                )
+            })?;
             let (count, (columns, rows)) = (print.sheet_count(), print.grid());
             if extension(&out) == "pdf" {
                 write_file(&out, &print.pdf())?;
@@ -145,7 +177,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                     write_file(&out.join(name), page.as_bytes())?;
                 }
             }
-            println!("{}: {count} sheets ({columns} x {rows}); print at 100 % and check the ruler", out.display());
+            println!(
+                "{}: {count} sheets ({columns} x {rows}); print at 100 % and check the ruler",
+                out.display()
+            );
             Ok(())
         }
     }
@@ -154,7 +189,9 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
 fn list() {
     println!("worlds");
     for name in World::names() {
-        let description = World::named(name).map(|world| world.description).unwrap_or_default();
+        let description = World::named(name)
+            .map(|world| world.description)
+            .unwrap_or_default();
         println!("  {name:22} {description}");
     }
     for (name, description) in random::FAMILIES {
@@ -162,7 +199,9 @@ fn list() {
     }
     println!("\nvehicles");
     for name in VehicleSpec::names() {
-        let description = VehicleSpec::named(name).map(|vehicle| vehicle.description).unwrap_or_default();
+        let description = VehicleSpec::named(name)
+            .map(|vehicle| vehicle.description)
+            .unwrap_or_default();
         println!("  {name:22} {description}");
     }
     println!("\nfloors   {}", FLOOR_PRESETS.join(", "));
@@ -183,7 +222,12 @@ fn check(files: &[PathBuf], vehicle: Option<&str>) -> Result<()> {
                     warnings.extend(world.check_vehicle(vehicle));
                 }
                 let closed = if world.path.is_closed() { "closed" } else { "open" };
-                println!("{}: {:.2} m, {closed}, {} warnings", file.display(), world.path.length_m(), warnings.len());
+                println!(
+                    "{}: {:.2} m, {closed}, {} warnings",
+                    file.display(),
+                    world.path.length_m(),
+                    warnings.len()
+                );
                 for warning in warnings {
                     eprintln!("warning: {warning}");
                 }
@@ -201,5 +245,7 @@ fn check(files: &[PathBuf], vehicle: Option<&str>) -> Result<()> {
 }
 
 fn extension(path: &Path) -> &str {
-    path.extension().and_then(|extension| extension.to_str()).unwrap_or_default()
+    path.extension()
+        .and_then(|extension| extension.to_str())
+        .unwrap_or_default()
 }
