@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 cv2.setNumThreads(1)
-ROUNDS = 60
+ROUNDS = 200
 
 
 def main():
@@ -49,7 +49,7 @@ def main():
         count, labels, stats, centroids = cv2.connectedComponentsWithStats(binary, connectivity=8)
         found = 0
         for label in range(1, count):
-            left, top, box_width, box_height, area = stats[label]
+            left, top, box_width, box_height, area = map(int, stats[label])
             if area * 750 <= width * height:
                 continue
             box = labels[top : top + box_height, left : left + box_width]
@@ -86,14 +86,14 @@ def main():
 
 
 def measure(times, name, inputs, step):
-    rounds = []
+    rounds = [[] for _ in inputs]
     for _ in range(ROUNDS):
-        begin = time.perf_counter()
         for i, value in enumerate(inputs):
+            begin = time.perf_counter()
             step(i, value)
-        rounds.append((time.perf_counter() - begin) * 1e6 / len(inputs))
-    times[name + "_us"] = round(min(rounds), 1)
-    times[name + "_median_us"] = round(statistics.median(rounds), 1)
+            rounds[i].append((time.perf_counter() - begin) * 1e6)
+    times[name + "_us"] = round(statistics.mean(min(frame) for frame in rounds), 1)
+    times[name + "_median_us"] = round(statistics.mean(statistics.median(frame) for frame in rounds), 1)
 
 
 main()

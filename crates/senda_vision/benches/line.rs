@@ -23,13 +23,13 @@ fn line(criterion: &mut Criterion) {
         );
         let map = FloorMap::from_camera(&camera, width as usize, height as usize);
         let mut fitter = LineFitter::new();
-        let mut next = 0;
+        let mut next = 0usize;
         // Frames alternate between dark and light lines.
         let mut turn = move || {
             next = (next + 1) % 12;
             (
                 next,
-                if next % 2 == 0 {
+                if next.is_multiple_of(2) {
                     Contrast::Dark
                 } else {
                     Contrast::Light

@@ -42,23 +42,28 @@ fn make(folder: &Path, width: u32, height: u32) -> Result<(), Box<dyn std::error
     Ok(())
 }
 
-/// Times one step over all frames, several rounds; appends its best and its median time per frame (µs).
+/// Times one step on every frame, several rounds; appends the best and the median time per frame (µs), of each frame by
+/// itself and then averaged over the frames: so that a machine that is busy with something else for a while does not count.
 fn measure(report: &mut String, name: &str, frames: &[Image], mut step: impl FnMut(usize, &Image)) {
-    let mut rounds: Vec<f64> = (0..60)
-        .map(|_| {
+    let mut times = vec![Vec::with_capacity(ROUNDS); frames.len()];
+    for _ in 0..ROUNDS {
+        for (i, frame) in frames.iter().enumerate() {
             let begin = Instant::now();
-            for (i, frame) in frames.iter().enumerate() {
-                step(i, frame);
-            }
-            begin.elapsed().as_secs_f64() * 1e6 / frames.len() as f64
-        })
-        .collect();
-    rounds.sort_by(f64::total_cmp);
-    let (best, median) = (rounds[0], rounds[rounds.len() / 2]);
+            step(i, frame);
+            times[i].push(begin.elapsed().as_secs_f64() * 1e6);
+        }
+    }
+    for times in &mut times {
+        times.sort_by(f64::total_cmp);
+    }
+    let mean = |index: usize| times.iter().map(|times| times[index]).sum::<f64>() / frames.len() as f64;
+    let (best, median) = (mean(0), mean(ROUNDS / 2));
     report.push_str(&format!(
         ",\"{name}_us\":{best:.1},\"{name}_median_us\":{median:.1}"
     ));
 }
+
+const ROUNDS: usize = 200;
 
 fn time(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let mut names: Vec<_> = std::fs::read_dir(folder)?.collect::<Result<Vec<_>, _>>()?;
@@ -75,7 +80,7 @@ fn time(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let options = ExtractorOptions::default();
     // Frames alternate between dark and light lines.
     let contrast = |i: usize| {
-        if i % 2 == 0 {
+        if i.is_multiple_of(2) {
             Contrast::Dark
         } else {
             Contrast::Light

@@ -232,3 +232,174 @@ impl Scale {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::components::Components;
+
+    /// The moments of the pixels of a picture that `inside` holds for (u, v at pixel centres).
+    fn blob(width: usize, height: usize, inside: impl Fn(f64, f64) -> bool) -> LineBlob {
+        let mut components = Components::with_size(width, height);
+        let mut row = vec![0; width.next_multiple_of(8)];
+        components.label(height, &mut row, |y, row| {
+            for (x, bit) in row[..width].iter_mut().enumerate() {
+                *bit = u8::from(inside(x as f64 + 0.5, y as f64 + 0.5));
+            }
+        });
+        assert_eq!(components.moments().len(), 1);
+        let mut blob = LineBlob::default();
+        blob.set_moments(&components.moments()[0], &Scale::new(width, height));
+        blob
+    }
+
+    /// A bar of 320x240 around (u, v), leaning left by `lean`, in a picture of another size.
+    fn bar(size: (usize, usize), centre: (f64, f64), lean: f64, length: f64, thickness: f64) -> LineBlob {
+        let scale = size.0 as f64 / 320.0;
+        let (sin, cos) = trig::sincos(lean);
+        blob(size.0, size.1, |u, v| {
+            let (u, v) = (u / scale - centre.0, v / scale - centre.1);
+            (u * sin + v * cos).abs() < length / 2.0 && (u * cos - v * sin).abs() < thickness / 2.0
+        })
+    }
+
+    const SIZE: (usize, usize) = (320, 240);
+
+    #[test]
+    fn moments_of_a_bar_are_those_of_a_rectangle() {
+        for lean in [-1.2, -0.6, 0.0, 0.3, 1.0, 1.5] {
+            let blob = bar(SIZE, (160.0, 120.0), lean, 150.0, 20.0);
+            assert!((blob.centroid - Vec2::new(160.0, 120.0)).length() < 0.1);
+            assert!(
+                (blob.orientation_rad - lean).abs() < 2e-3,
+                "{lean}: {}",
+                blob.orientation_rad
+            );
+            assert!(
+                (blob.lambda_max_px2 - 150.0 * 150.0 / 12.0).abs() < 20.0,
+                "{}",
+                blob.lambda_max_px2
+            );
+            assert!(
+                (blob.lambda_min_px2 - 20.0 * 20.0 / 12.0).abs() < 1.0,
+                "{}",
+                blob.lambda_min_px2
+            );
+            assert!((blob.ellipticity - 7.5).abs() < 0.15);
+            let expected = 7.0 * blob.box_area_px() + blob.area_px + 150.0 * blob.ellipticity;
+            assert!((blob.score - expected).abs() < 1e-6);
+            let [first, second] = blob.two_points(10.0);
+            assert!((second.y - first.y + 10.0).abs() < 1e-9);
+            // Left-leaning is positive: further up is further left.
+            assert!(lean == 0.0 || (second.x < first.x) == (lean > 0.0));
+        }
+    }
+
+    #[test]
+    fn every_limit_refuses_what_it_is_for() {
+        let limits = BlobLimits::default();
+        let check = |size: (usize, usize), blob: &LineBlob| Scale::new(size.0, size.1).check(blob, &limits);
+        // The same things in pictures of every size (C6).
+        for size in [(123, 92), (160, 120), SIZE, (640, 480)] {
+            let at =
+                |centre, lean, length, thickness| check(size, &bar(size, centre, lean, length, thickness));
+            let middle = (160.0, 120.0);
+            assert_eq!(at(middle, 0.2, 200.0, 20.0), Ok(()), "{size:?}");
+            assert_eq!(at(middle, 0.0, 11.0, 8.5), Err(Rejection::Area), "{size:?}");
+            assert_eq!(
+                at(middle, 0.0, 120.0, 100.0),
+                Err(Rejection::Ellipticity),
+                "{size:?}"
+            );
+            assert_eq!(at(middle, 0.0, 90.0, 20.0), Err(Rejection::Score), "{size:?}");
+            assert_eq!(
+                at((5.0, 120.0), 0.0, 220.0, 20.0),
+                Err(Rejection::Side),
+                "{size:?}"
+            );
+            assert_eq!(
+                at((315.0, 120.0), 0.0, 220.0, 20.0),
+                Err(Rejection::Side),
+                "{size:?}"
+            );
+            assert_eq!(
+                at(middle, 1.31, 220.0, 24.0),
+                Err(Rejection::Orientation),
+                "{size:?}"
+            );
+            assert_eq!(
+                at(middle, -1.31, 220.0, 24.0),
+                Err(Rejection::Orientation),
+                "{size:?}"
+            );
+            assert_eq!(at(middle, 1.2, 220.0, 24.0), Ok(()), "{size:?}");
+            assert_eq!(at(middle, 0.0, 120.0, 40.0), Err(Rejection::Compact), "{size:?}");
+        }
+        // Thinner than a pixel cannot be drawn in the small pictures.
+        let thin = |size| check(size, &bar(size, (160.0, 120.0), 0.5, 230.0, 4.0));
+        assert_eq!(thin(SIZE), Err(Rejection::LambdaMin));
+        assert_eq!(thin((640, 480)), Err(Rejection::LambdaMin));
+        let mut short = bar(SIZE, (160.0, 120.0), 0.0, 200.0, 20.0);
+        short.lambda_max_px2 = 15.0;
+        assert_eq!(check(SIZE, &short), Err(Rejection::LambdaMax));
+    }
+
+    #[test]
+    fn the_three_compact_limits_hold_together() {
+        let limits = BlobLimits::default();
+        let scale = Scale::new(320, 240);
+        let with = |fill: f64, ellipticity: f64, score: f64| {
+            let mut blob = bar(SIZE, (160.0, 120.0), 0.2, 200.0, 20.0);
+            blob.area_px = fill * blob.box_area_px();
+            (blob.ellipticity, blob.score) = (ellipticity, score);
+            scale.check(&blob, &limits)
+        };
+        for (fill, ellipticity, score) in [(0.6, 3.8, 50_000.0), (0.4, 4.0, 35_000.0), (0.3, 5.0, 27_500.0)] {
+            assert_eq!(
+                with(fill + 0.01, ellipticity - 0.01, score - 1.0),
+                Err(Rejection::Compact)
+            );
+            // What is a little less compact, more slender or larger must only pass the next milder row.
+            assert_eq!(with(fill + 0.01, 5.0, score - 1.0), Ok(()));
+            assert_eq!(with(0.3, ellipticity - 0.01, score - 1.0), Ok(()));
+        }
+        assert_eq!(with(0.9, 2.0, 50_000.0), Ok(()));
+    }
+
+    #[test]
+    fn clusters_of_uneven_width_are_no_lines() {
+        let profile = WidthProfile {
+            intercept_px: 20.0,
+            slope_px_per_row: 0.0,
+            width_px: 320,
+            height_px: 240,
+        };
+        let limits = BlobLimits::default();
+        let scale = Scale::new(320, 240);
+        let with_widths = |width_of: &dyn Fn(usize) -> f64, at_edge: bool| {
+            let rows = (0..100)
+                .map(|y| RowPoint {
+                    v: y as f64 + 0.5,
+                    u: 100.0,
+                    width_px: width_of(y),
+                    at_edge,
+                })
+                .collect();
+            let blob = LineBlob {
+                rows,
+                ..LineBlob::default()
+            };
+            scale.check_widths(&blob, &profile, &limits)
+        };
+        assert_eq!(with_widths(&|_| 22.0, false), Ok(()));
+        assert_eq!(with_widths(&|_| 60.0, false), Ok(()));
+        assert_eq!(
+            with_widths(&|y| if y % 2 == 0 { 8.0 } else { 20.0 }, false),
+            Err(Rejection::Uneven)
+        );
+        assert_eq!(
+            with_widths(&|y| if y % 2 == 0 { 8.0 } else { 20.0 }, true),
+            Ok(())
+        );
+    }
+}

@@ -8,17 +8,17 @@ pub const FINE_BITS: u32 = 8;
 
 /// A separable Gaussian filter with the picture's border repeated outwards. Owns its row buffers.
 ///
-/// Intermediate values have 8 fraction bits; the weights have 8 across the rows and 16 along them: the result is within
-/// one grey level of the exact convolution, and the same on every processor.
+/// Weights have 8 fraction bits, like OpenCV's for bytes, and the first pass is rounded to whole grey levels: on
+/// pictures the result is within a grey level of the exact convolution, on wild noise within two. It is the same on every
+/// processor. (Weights of 16 bits were tried: a tenth of a grey level, and half as fast, for compilers do not see the high
+/// half of a product by a constant as one instruction.)
 #[derive(Debug, Clone)]
 pub struct GaussianBlur {
-    /// Weights across the rows, centre first, then outwards; centre + 2 · the others = 256. Empty: no blur.
-    across: Vec<u16>,
-    /// Weights along a row, centre first; centre + the others = 65,536 (the others stand for both sides).
-    along: Vec<u16>,
-    /// One row after the first pass, with a margin of repeated values at either side.
-    row: Vec<u16>,
-    /// One row of sums of the second pass.
+    /// Centre first, then outwards; centre + 2 · the others = 256. Empty: no blur.
+    weights: Vec<u16>,
+    /// One row after the pass across the rows, with a margin of repeated values at either side.
+    row: Vec<u8>,
+    /// One row of sums with [`FINE_BITS`].
     sums: Vec<u16>,
     level: Level,
 }
@@ -30,7 +30,7 @@ impl GaussianBlur {
     }
 
     pub(crate) fn with_level(sigma_px: f64, level: Level) -> Self {
-        let (mut across, mut along) = (Vec::new(), Vec::new());
+        let mut weights = Vec::new();
         if sigma_px >= 0.2 {
             // 20 px: far beyond any use; keeps a foreign number from asking for the impossible.
             let sigma_px = sigma_px.min(20.0);
@@ -39,23 +39,18 @@ impl GaussianBlur {
                 .map(|k| trig::exp(-0.5 * (k as f64 / sigma_px) * (k as f64 / sigma_px)))
                 .collect();
             let sum = exact[0] + 2.0 * exact[1..].iter().sum::<f64>();
-            // Rounding must neither brighten nor darken: the centre takes the difference.
-            across = exact
+            weights = exact
                 .iter()
                 .map(|weight| (weight / sum * 256.0).round() as u16)
                 .collect();
-            across[0] = 256 - 2 * across[1..].iter().sum::<u16>();
-            while across.last() == Some(&0) {
-                across.pop();
+            while weights.last() == Some(&0) {
+                weights.pop();
             }
-            let both = |weight: &f64| (2.0 * weight / sum * 65_536.0).round() as u16;
-            along = exact.iter().map(both).collect();
-            let sides: u32 = along[1..].iter().map(|weight| u32::from(*weight)).sum();
-            along[0] = (65_536 - sides).min(65_535) as u16;
+            // Rounding must neither brighten nor darken: the centre takes the difference.
+            weights[0] = 256 - 2 * weights[1..].iter().sum::<u16>();
         }
         Self {
-            across,
-            along,
+            weights,
             row: Vec::new(),
             sums: Vec::new(),
             level,
@@ -68,7 +63,7 @@ impl GaussianBlur {
     /// When the lengths differ or are not whole rows.
     pub fn blur(&mut self, source: &[u8], width: usize, target: &mut [u8]) {
         assert_eq!(source.len(), target.len());
-        if self.across.is_empty() || source.is_empty() {
+        if self.weights.is_empty() || source.is_empty() {
             target.copy_from_slice(source);
         } else {
             self.run(source, width, target);
@@ -81,7 +76,7 @@ impl GaussianBlur {
     /// When the lengths differ or are not whole rows.
     pub fn blur_fine(&mut self, source: &[u8], width: usize, target: &mut [u16]) {
         assert_eq!(source.len(), target.len());
-        if self.across.is_empty() || source.is_empty() {
+        if self.weights.is_empty() || source.is_empty() {
             for (to, from) in target.iter_mut().zip(source) {
                 *to = u16::from(*from) << FINE_BITS;
             }
@@ -95,7 +90,8 @@ impl GaussianBlur {
             width > 0 && source.len().is_multiple_of(width),
             "expected whole rows"
         );
-        self.row.resize(width + 2 * (self.along.len() - 1), 0);
+        let radius = self.weights.len() - 1;
+        self.row.resize(width + 2 * radius, 0);
         self.sums.resize(width, 0);
         self.level.run(BlurKernel {
             blur: self,
@@ -140,45 +136,25 @@ impl<T: Sample> Kernel for BlurKernel<'_, T> {
     fn run(self) {
         let width = self.width;
         let GaussianBlur {
-            across,
-            along,
-            row,
-            sums,
-            ..
+            weights, row, sums, ..
         } = self.blur;
-        let margin = along.len() - 1;
+        let radius = weights.len() - 1;
         let last = self.source.len() / width - 1;
         let line = |y: usize| &self.source[y * width..(y + 1) * width];
         for (y, target) in self.target.chunks_exact_mut(width).enumerate() {
-            let middle = &mut row[margin..margin + width];
-            let above = |k: usize| line(y.saturating_sub(k));
-            let below = |k: usize| line((y + k).min(last));
-            scale_row(middle, line(y), across[0]);
-            // Three pairs of rows a time: each sum is fetched and put back once for six rows.
-            let mut k = 1;
-            while k + 2 < across.len() {
-                add_rows(middle, [k, k + 1, k + 2].map(|k| (above(k), below(k), across[k])));
-                k += 3;
+            weigh(sums, line(y), weights, |k| {
+                (line(y.saturating_sub(k)), line((y + k).min(last)), weights[k])
+            });
+            for (to, fine) in row[radius..].iter_mut().zip(&*sums) {
+                *to = u8::from_fine(*fine);
             }
-            while k < across.len() {
-                add_rows(middle, [(above(k), below(k), across[k])]);
-                k += 1;
-            }
-            let (first, end) = (row[margin], row[margin + width - 1]);
-            row[..margin].fill(first);
-            row[margin + width..].fill(end);
-            scale_fine(sums, &row[margin..margin + width], along[0]);
-            let left = |k: usize| &row[margin - k..margin - k + width];
-            let right = |k: usize| &row[margin + k..margin + k + width];
-            let mut k = 1;
-            while k + 2 < along.len() {
-                add_fine(sums, [k, k + 1, k + 2].map(|k| (left(k), right(k), along[k])));
-                k += 3;
-            }
-            while k < along.len() {
-                add_fine(sums, [(left(k), right(k), along[k])]);
-                k += 1;
-            }
+            let (first, end) = (row[radius], row[radius + width - 1]);
+            row[..radius].fill(first);
+            row[radius + width..].fill(end);
+            let piece = |start: usize| &row[start..start + width];
+            weigh(sums, piece(radius), weights, |k| {
+                (piece(radius - k), piece(radius + k), weights[k])
+            });
             for (to, fine) in target.iter_mut().zip(&*sums) {
                 *to = T::from_fine(*fine);
             }
@@ -186,56 +162,49 @@ impl<T: Sample> Kernel for BlurKernel<'_, T> {
     }
 }
 
+/// Two neighbours at the same distance, and the weight of each.
+type Pair<'a> = (&'a [u8], &'a [u8], u16);
+
+/// Weighted sum of the centre and its pairs of neighbours. Three pairs at a time: each sum is fetched and put back
+/// once for six neighbours. All weights together are 256, so the sums stay within 65,280.
 #[inline(always)]
-fn scale_row(sums: &mut [u16], row: &[u8], weight: u16) {
-    for (sum, value) in sums.iter_mut().zip(row) {
-        *sum = u16::from(*value) * weight;
+fn weigh<'a>(sums: &mut [u16], centre: &[u8], weights: &[u16], pair: impl Fn(usize) -> Pair<'a>) {
+    for (sum, value) in sums.iter_mut().zip(centre) {
+        *sum = u16::from(*value) * weights[0];
+    }
+    let mut k = 1;
+    while k + 2 < weights.len() {
+        add_three(sums, pair(k), pair(k + 1), pair(k + 2));
+        k += 3;
+    }
+    while k < weights.len() {
+        add_one(sums, pair(k));
+        k += 1;
     }
 }
 
-/// Adds pairs of rows with their weights. All weights together are 256: the sums stay within 65,280.
 #[inline(always)]
-fn add_rows<const PAIRS: usize>(sums: &mut [u16], pairs: [(&[u8], &[u8], u16); PAIRS]) {
+fn product(left: u8, right: u8, weight: u16) -> u16 {
+    (u16::from(left) + u16::from(right)).wrapping_mul(weight)
+}
+
+#[inline(always)]
+fn add_one(sums: &mut [u16], (left, right, weight): Pair<'_>) {
+    for ((sum, left), right) in sums.iter_mut().zip(left).zip(right) {
+        *sum = sum.wrapping_add(product(*left, *right, weight));
+    }
+}
+
+#[inline(always)]
+fn add_three(sums: &mut [u16], a: Pair<'_>, b: Pair<'_>, c: Pair<'_>) {
     let width = sums.len();
-    let pairs = pairs.map(|(above, below, weight)| (&above[..width], &below[..width], weight));
+    let (a0, a1, b0, b1) = (&a.0[..width], &a.1[..width], &b.0[..width], &b.1[..width]);
+    let (c0, c1) = (&c.0[..width], &c.1[..width]);
     for x in 0..width {
-        let mut sum = sums[x];
-        for (above, below, weight) in pairs {
-            sum = sum.wrapping_add((u16::from(above[x]) + u16::from(below[x])).wrapping_mul(weight));
-        }
-        sums[x] = sum;
-    }
-}
-
-/// The upper 16 bits of the product: one instruction on vectors.
-#[inline(always)]
-fn multiply_high(a: u16, b: u16) -> u16 {
-    ((u32::from(a) * u32::from(b)) >> 16) as u16
-}
-
-/// Rounded up, which on average makes up for part of what [`multiply_high`] cuts off.
-#[inline(always)]
-fn average(a: u16, b: u16) -> u16 {
-    ((u32::from(a) + u32::from(b) + 1) >> 1) as u16
-}
-
-#[inline(always)]
-fn scale_fine(sums: &mut [u16], row: &[u16], weight: u16) {
-    for (sum, value) in sums.iter_mut().zip(row) {
-        *sum = multiply_high(*value, weight);
-    }
-}
-
-#[inline(always)]
-fn add_fine<const PAIRS: usize>(sums: &mut [u16], pairs: [(&[u16], &[u16], u16); PAIRS]) {
-    let width = sums.len();
-    let pairs = pairs.map(|(left, right, weight)| (&left[..width], &right[..width], weight));
-    for x in 0..width {
-        let mut sum = sums[x];
-        for (left, right, weight) in pairs {
-            sum = sum.wrapping_add(multiply_high(average(left[x], right[x]), weight));
-        }
-        sums[x] = sum;
+        let a = product(a0[x], a1[x], a.2);
+        let b = product(b0[x], b1[x], b.2);
+        let c = product(c0[x], c1[x], c.2);
+        sums[x] = sums[x].wrapping_add(a).wrapping_add(b).wrapping_add(c);
     }
 }
 
@@ -274,7 +243,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
         #[test]
-        fn within_one_grey_level_of_the_exact_convolution(
+        fn within_two_grey_levels_of_the_exact_convolution(
             (width, source) in (1usize..50).prop_flat_map(|width| {
                 (1usize..20).prop_flat_map(move |height| {
                     prop::collection::vec(any::<u8>(), width * height).prop_map(move |source| (width, source))
@@ -291,8 +260,34 @@ mod tests {
             GaussianBlur::with_level(sigma, Level::Baseline).blur_fine(&source, width, &mut fine_baseline);
             prop_assert_eq!(&fine, &fine_baseline);
             for ((exact, rounded), fine) in exact.iter().zip(&rounded).zip(&fine) {
-                prop_assert!((exact - f64::from(*fine) / 256.0).abs() < 1.0, "{exact} {fine}");
-                prop_assert!((exact - f64::from(*rounded)).abs() < 1.5, "{exact} {rounded}");
+                prop_assert!((exact - f64::from(*fine) / 256.0).abs() < 2.0, "{exact} {fine}");
+                prop_assert!((exact - f64::from(*rounded)).abs() < 2.5, "{exact} {rounded}");
+            }
+        }
+    }
+
+    #[test]
+    fn within_a_grey_level_on_pictures() {
+        // Edges, a slope and a corner, as pictures have them.
+        let source: Vec<u8> = (0..60 * 40)
+            .map(|i| {
+                let (x, y) = (i % 60, i / 60);
+                if (20..30).contains(&x) || (x > 40 && y > 20) {
+                    40
+                } else {
+                    120 + x + y
+                }
+            })
+            .map(|grey: usize| grey as u8)
+            .collect();
+        for sigma in [0.77, 1.0, 2.0, 4.0] {
+            let mut fine = vec![0; source.len()];
+            GaussianBlur::new(sigma).blur_fine(&source, 60, &mut fine);
+            for (exact, fine) in reference(&source, 60, sigma).iter().zip(&fine) {
+                assert!(
+                    (exact - f64::from(*fine) / 256.0).abs() < 1.0,
+                    "sigma {sigma}: {exact} {fine}"
+                );
             }
         }
     }

@@ -126,7 +126,7 @@ fn discriminant(image: &Image, blobs: &[LineBlob]) -> Option<Channel> {
             continue;
         }
         // The middle half of the line; and beside it, from one width off the middle on, clear of the blurred edge.
-        let mut take = |from: f64, to: f64, colours: &mut Colours| {
+        let take = |from: f64, to: f64, colours: &mut Colours| {
             let (from, to) = (from.max(0.0) as usize, to.max(0.0) as usize);
             for x in from..to.min(image.width()) {
                 colours.add(image.pixel(x, y));

@@ -354,3 +354,41 @@ impl Kernel for Threshold<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use senda_core::Channels;
+
+    #[test]
+    fn every_processor_gives_the_same_blobs() {
+        // A leaning band over a rough floor, in colour.
+        let (width, height) = (173, 131);
+        let mut image = Image::new(width, height, Channels::Rgb);
+        let mut state = 1u32;
+        for y in 0..height {
+            for x in 0..width {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                let grey = if (x + y / 3).abs_diff(90) < 9 { 60 } else { 150 } + (state >> 27) as u8;
+                image.row_mut(y)[3 * x..3 * x + 3].copy_from_slice(&[grey, grey / 2, grey / 3 + 40]);
+            }
+        }
+        let profile = WidthProfile {
+            intercept_px: 12.0,
+            slope_px_per_row: 0.05,
+            width_px: width as u32,
+            height_px: height as u32,
+        };
+        let mut extractors = [Level::Baseline, Level::detect()].map(|level| {
+            LineExtractor::with_level(width, height, &profile, ExtractorOptions::default(), level)
+        });
+        for contrast in [Contrast::Dark, Contrast::Light] {
+            let [baseline, detected] = &mut extractors;
+            let blobs = baseline.extract(&image, contrast).to_vec();
+            assert_eq!(blobs, detected.extract(&image, contrast));
+            assert_eq!(baseline.statistics(), detected.statistics());
+            assert_eq!(baseline.fragments(), detected.fragments());
+            assert_eq!(blobs.len(), usize::from(contrast == Contrast::Dark));
+        }
+    }
+}

@@ -415,32 +415,27 @@ fn solve<const N: usize>(matrix: &[[f64; 3]; 3], right: &[f64; 3]) -> Option<[f6
     let mut lower = [[0.0; 3]; 3];
     for i in 0..N {
         for j in 0..=i {
-            let mut sum = matrix[i][j];
-            for k in 0..j {
-                sum -= lower[i][k] * lower[j][k];
-            }
+            let known: f64 = (0..j).map(|k| lower[i][k] * lower[j][k]).sum();
+            let rest = matrix[i][j] - known;
             if i == j {
-                if !(sum > 1e-12 * matrix[i][i]) {
+                // Not "rest <= …": that would let NaN pass.
+                if rest.is_nan() || rest <= 1e-12 * matrix[i][i] {
                     return None;
                 }
-                lower[i][i] = sum.sqrt();
+                lower[i][i] = rest.sqrt();
             } else {
-                lower[i][j] = sum / lower[j][j];
+                lower[i][j] = rest / lower[j][j];
             }
         }
     }
     let mut solution = *right;
     for i in 0..N {
-        for k in 0..i {
-            solution[i] -= lower[i][k] * solution[k];
-        }
-        solution[i] /= lower[i][i];
+        let known: f64 = (0..i).map(|k| lower[i][k] * solution[k]).sum();
+        solution[i] = (solution[i] - known) / lower[i][i];
     }
     for i in (0..N).rev() {
-        for k in i + 1..N {
-            solution[i] -= lower[k][i] * solution[k];
-        }
-        solution[i] /= lower[i][i];
+        let known: f64 = (i + 1..N).map(|k| lower[k][i] * solution[k]).sum();
+        solution[i] = (solution[i] - known) / lower[i][i];
     }
     Some(solution)
 }

@@ -35,13 +35,13 @@ impl Grey {
     /// The grey value of one pixel of one or three bytes.
     pub(crate) fn of_pixel(self, pixel: &[u8]) -> u8 {
         match pixel {
-            [r, g, b] => self.of_rgb([*r, *g, *b]),
+            [r, g, b] => self.of_rgb(*r, *g, *b),
             _ => pixel[0],
         }
     }
 
     #[inline(always)]
-    fn of_rgb(self, [r, g, b]: [u8; 3]) -> u8 {
+    fn of_rgb(self, r: u8, g: u8, b: u8) -> u8 {
         match self {
             Self::Luminance => {
                 ((77 * u16::from(r) + 150 * u16::from(g) + 29 * u16::from(b) + 128) >> 8) as u8
@@ -109,7 +109,8 @@ impl Kernel for Convert<'_> {
 #[inline(always)]
 fn convert(grey: Grey, pixels: &[u8], target: &mut [u8]) {
     for (to, pixel) in target.iter_mut().zip(pixels.as_chunks::<3>().0) {
-        *to = grey.of_rgb(*pixel);
+        // Byte by byte: three bytes copied at once would be put together from pieces.
+        *to = grey.of_rgb(pixel[0], pixel[1], pixel[2]);
     }
 }
 

@@ -41,7 +41,7 @@ fn a_frame_allocates_nothing() {
     let mut round = || {
         let mut found = 0;
         for (i, frame) in frames.iter().enumerate() {
-            let contrast = if i % 2 == 0 {
+            let contrast = if i.is_multiple_of(2) {
                 Contrast::Dark
             } else {
                 Contrast::Light

@@ -1,6 +1,10 @@
 //! Small scenes with lines of known pose, as the document's camera sees them. Not a simulator: just enough to know
 //! the truth that a test checks against.
-#![allow(dead_code, reason = "each test, example and benchmark uses its own part")]
+#![allow(
+    dead_code,
+    unreachable_pub,
+    reason = "each test, example and benchmark uses its own part"
+)]
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -176,7 +180,11 @@ pub fn benchmark_frames(width: u32, height: u32) -> Vec<Image> {
     let camera = gopigo_camera(width, height);
     (0..12u32)
         .map(|i| {
-            let (floor_grey, line_grey) = if i % 2 == 0 { (170.0, 45.0) } else { (90.0, 220.0) };
+            let (floor_grey, line_grey) = if i.is_multiple_of(2) {
+                (170.0, 45.0)
+            } else {
+                (90.0, 220.0)
+            };
             let floor = Floor {
                 speckle: 12.0 * f64::from(i % 4),
                 gradient: 0.1 * f64::from(i % 3),
