@@ -337,7 +337,7 @@ impl Light {
 fn read_lamps(table: &mut Table) -> Result<Option<Vec<Lamp>>, WorldError> {
     let given = table.has("lamps");
     let mut lamps = Vec::new();
-    for mut item in table.tables("lamps")? {
+    for mut item in table.tables_at_most("lamps", 64)? {
         lamps.push(Lamp {
             x_m: item.required_f64("x_m", -FAR_M, FAR_M)?,
             y_m: item.required_f64("y_m", -FAR_M, FAR_M)?,

@@ -373,6 +373,20 @@ impl<'a> Table<'a> {
         Ok(tables)
     }
 
+    /// An array of tables, at most `limit` of them: what costs time for each place of the floor must not be endless.
+    pub(crate) fn tables_at_most(
+        &mut self,
+        key: &'static str,
+        limit: usize,
+    ) -> Result<Vec<Table<'a>>, WorldError> {
+        let tables = self.tables(key)?;
+        if tables.len() > limit {
+            let found = format!("{}", tables.len());
+            return Err(self.problem(key, format!("at most {limit} of them"), found, ""));
+        }
+        Ok(tables)
+    }
+
     /// An array of numbers.
     pub(crate) fn optional_numbers(
         &mut self,

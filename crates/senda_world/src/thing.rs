@@ -210,8 +210,8 @@ impl Thing {
             },
         };
         let pose = read_place(&mut table, path)?;
-        let bottom_m = table.f64("bottom_m", 0.0, 1000.0, 0.0)?;
-        let height_m = table.required_f64("height_m", 1e-3, 1000.0)?;
+        let bottom_m = table.f64("bottom_m", 0.0, 100.0, 0.0)?;
+        let height_m = table.required_f64("height_m", 1e-3, 100.0)?;
         let texture = match table.optional_table("texture")? {
             Some(texture) => read_texture(texture)?,
             None => Texture::Plain {

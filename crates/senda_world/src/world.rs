@@ -122,7 +122,7 @@ impl World {
             ));
         }
         let mut markings = Vec::new();
-        for item in table.tables("markings")? {
+        for item in table.tables_at_most("markings", 256)? {
             markings.extend(Marking::read(item, lane_width_m, path.length_m())?);
         }
         let floor = match table.optional_table("floor")? {
@@ -135,7 +135,7 @@ impl World {
             None => Light::default(),
         };
         let mut things = Vec::new();
-        for item in table.tables("things")? {
+        for item in table.tables_at_most("things", 256)? {
             things.push(Thing::read(item, &path)?);
         }
         let backdrop = match table.optional_table("backdrop")? {

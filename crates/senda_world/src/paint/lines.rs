@@ -72,13 +72,24 @@ fn paint_piece(marking: &Marking, seed: u32, a: &Node, b: &Node, painting: &mut 
     ];
     let low = corners.iter().fold(corners[0], |low, p| low.min(*p)) - painting.origin;
     let high = corners.iter().fold(corners[0], |high, p| high.max(*p)) - painting.origin;
-    let column = |x: f64| ((x / texel_m).floor().max(0.0) as usize).min(painting.width);
     let row = |y: f64| ((y / texel_m).floor().max(0.0) as usize).min(painting.height);
-    let (first, last) = (column(low.x), column(high.x + texel_m));
     let step_m = b.station_m - a.station_m;
+    // Between the nodes the offset is a mix of both: a point inside may lie this far outside as seen from `a`.
+    let slack_m = texel_m
+        + step_m * a.forward.perp_dot(b.forward).abs()
+        + low_m.abs().max(high_m.abs()) * (1.0 - a.forward.dot(b.forward));
+    let sides = [
+        (a.forward, a.position),
+        (-b.forward, b.position),
+        (a.left, a.position + a.left * (low_m - slack_m)),
+        (-a.left, a.position + a.left * (high_m + slack_m)),
+    ];
     for j in row(low.y)..row(high.y + texel_m) {
         let y = painting.origin.y + (j as f64 + 0.5) * texel_m;
-        for i in first..last {
+        let (first, last) = span(&sides, y, low.x + painting.origin.x, high.x + painting.origin.x);
+        let column =
+            |x: f64| (((x - painting.origin.x) / texel_m).floor().max(0.0) as usize).min(painting.width);
+        for i in column(first - texel_m)..column(last + 2.0 * texel_m) {
             let point = Vec2::new(painting.origin.x + (i as f64 + 0.5) * texel_m, y);
             let (from_a, from_b) = (point - a.position, point - b.position);
             let (ahead, behind) = (from_a.dot(a.forward), from_b.dot(b.forward));
@@ -104,6 +115,22 @@ fn paint_piece(marking: &Marking, seed: u32, a: &Node, b: &Node, painting: &mut 
             *texel = blend(*texel, paint, cover);
         }
     }
+}
+
+/// The part of the row at `y` that lies inside all half planes (normal, point), within first ..= last (m). Empty where
+/// first > last.
+fn span(sides: &[(Vec2, Vec2)], y: f64, first: f64, last: f64) -> (f64, f64) {
+    let (mut first, mut last) = (first, last);
+    for (normal, point) in sides {
+        // normal.x·(x - point.x) + normal.y·(y - point.y) >= 0
+        let rest = normal.y * (y - point.y);
+        if normal.x > 1e-12 {
+            first = first.max(point.x - rest / normal.x);
+        } else if normal.x < -1e-12 {
+            last = last.min(point.x - rest / normal.x);
+        }
+    }
+    (first, last)
 }
 
 /// Part of a texel that dashes and span leave painted.

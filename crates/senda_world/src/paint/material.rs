@@ -23,8 +23,8 @@ enum Pattern {
     /// Values 0..=255 that pieces (planks, tiles) turn into their own colours.
     Pieces {
         values: Vec<u8>,
-        /// Colours of the pieces of one row of pieces, so that they are made once.
-        cache: Vec<(i64, Vec<Texel>)>,
+        /// Colours of the pieces of one row of pieces, from the painting's first on, so that they are made once.
+        cache: Vec<Vec<Texel>>,
         cached_row: i64,
     },
 }
@@ -36,9 +36,12 @@ const ALONG: usize = 512;
 /// Side of a finished picture (texels).
 const PICTURE: usize = 384;
 
-/// A plank or tile: where it lies along x (texels), and its number and hash.
+/// Planks and tiles that would be narrower (texels) are drawn this wide: they could not be told apart anyway, and there
+/// would be millions of them.
+const LEAST_PIECE: f64 = 6.0;
+
+/// A plank or tile: its hash, and where it lies along x (texels).
 struct Piece {
-    number: i64,
     key: u32,
     from: f64,
     to: f64,
@@ -123,7 +126,7 @@ impl<'a> Material<'a> {
     }
 
     fn wood_row(&mut self, out: &mut [Texel], first: i64, row: i64) {
-        let plank = self.floor.scale_m / self.metres_per_texel; // texels
+        let plank = (self.floor.scale_m / self.metres_per_texel).max(LEAST_PIECE); // texels
         let board_row = ((row as f64 + 0.5) / plank).floor();
         // How much of this row of texels is the joint between two rows of planks (1.2 mm).
         let joint = 0.0012 / self.metres_per_texel;
@@ -148,7 +151,7 @@ impl<'a> Material<'a> {
 
     fn tiles_row(&mut self, out: &mut [Texel], first: i64, row: i64) {
         let floor = self.floor;
-        let side = floor.scale_m / self.metres_per_texel;
+        let side = (floor.scale_m / self.metres_per_texel).max(LEAST_PIECE);
         let joint = 0.004f64.min(floor.scale_m * 0.1) / self.metres_per_texel;
         let tile_row = ((row as f64 + 0.5) / side).floor();
         let within = row as f64 + 0.5 - tile_row * side;
@@ -188,21 +191,20 @@ impl<'a> Material<'a> {
         }
         let end = first + out.len() as i64;
         let mut number = ((first as f64 + 0.5 - lay.shift) / lay.length).floor() as i64;
+        let mut index = 0;
         while (number as f64 * lay.length + lay.shift) < end as f64 {
             let key = hash(number as i32, lay.piece_row as i32, seed ^ 0x3D);
             let piece = Piece {
-                number,
                 key,
                 from: number as f64 * lay.length + lay.shift,
                 to: (number + 1) as f64 * lay.length + lay.shift,
             };
-            let known = cache.iter().position(|(number, _)| *number == piece.number);
-            let index = known.unwrap_or_else(|| {
-                cache.push((piece.number, colours(floor, key, gloss)));
-                cache.len() - 1
-            });
-            fill_piece(out, first, lay, &piece, &cache[index].1, values);
+            if index == cache.len() {
+                cache.push(colours(floor, key, gloss));
+            }
+            fill_piece(out, first, lay, &piece, &cache[index], values);
             number += 1;
+            index += 1;
         }
     }
 }

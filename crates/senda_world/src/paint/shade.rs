@@ -33,14 +33,20 @@ pub(super) fn light_up(world: &World, painting: &mut FloorPainting) {
     let mut rows = painting.texels.chunks_exact_mut(width);
     let (mut low, mut high) = (vec![[0.0f32; 4]; width], vec![[0.0f32; 4]; width]);
     let (mut factors, mut slopes) = (vec![0u16; width * 4], vec![0i16; width * 4]);
-    let mut row = 0;
+    let (mut row, mut expanded) = (0, usize::MAX);
     for cell in 0..grid.rows - 1 {
         let end = (((cell + 1) as f64 * grid.step - 0.5).ceil() as usize).min(painting.height);
         if row >= end {
             continue;
         }
-        expand(&grid, cell, &mut low);
+        // The row above the last cell is the row below this one, unless cells were skipped.
+        if expanded == cell {
+            std::mem::swap(&mut low, &mut high);
+        } else {
+            expand(&grid, cell, &mut low);
+        }
         expand(&grid, cell + 1, &mut high);
+        expanded = cell + 1;
         let part = ((row as f64 + 0.5) / grid.step - cell as f64) as f32;
         let (lows, highs) = (low.as_flattened(), high.as_flattened());
         for k in 0..width * 4 {
