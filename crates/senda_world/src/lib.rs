@@ -45,6 +45,6 @@ pub use path::{PathShape, PathSpec, Piece, closing_pieces, self_overlap, smalles
 pub use random::{Difficulty, Kind, Tone};
 pub use thing::{Cells, Face, Texture, Thing, ThingShape};
 pub use vehicle::{
-    Battery, CameraSpec, DriveTrain, Encoders, Exposure, ImageNoise, Motor, VehicleSpec, Wheels,
+    Battery, CameraSpec, DriveTrain, Encoders, Exposure, ImageNoise, Motor, Tyres, VehicleSpec, Wheels,
 };
 pub use world::{Backdrop, World};

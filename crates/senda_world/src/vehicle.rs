@@ -2,9 +2,11 @@
 
 mod camera;
 mod drive;
+mod tyres;
 
 pub use camera::{CameraSpec, Exposure, ImageNoise};
 pub use drive::{Battery, DriveTrain, Encoders, Motor, Wheels};
+pub use tyres::Tyres;
 
 use crate::error::{Warning, WorldError};
 use crate::reader::{Source, Table};
@@ -40,6 +42,8 @@ pub struct VehicleSpec {
     pub drive: DriveTrain,
     /// The driven wheels.
     pub wheels: Wheels,
+    /// Tyres that slide, on a front-steered vehicle; `None`: it rolls without slipping.
+    pub tyres: Option<Tyres>,
     /// Encoders on the driven wheels; `None`: it has none.
     pub encoders: Option<Encoders>,
     /// Relation of motor value, wheel speed and voltage; `None`: ideal motors that obey in m/s.
@@ -126,6 +130,18 @@ impl VehicleSpec {
             Some(wheels) => Wheels::read(wheels, &steering)?,
             None => return Err(table.missing("wheels", "a table with diameter_m")),
         };
+        let tyres = match (table.optional_table("tyres")?, &steering) {
+            (Some(tyres), Steering::Ackermann { wheelbase_m, .. }) => Some(Tyres::read(tyres, *wheelbase_m)?),
+            (Some(_), Steering::Differential { .. }) => {
+                return Err(table.problem(
+                    "tyres",
+                    "tyres on a front-steered vehicle",
+                    "a differential one",
+                    "remove the table: a differential vehicle rolls without slipping",
+                ));
+            }
+            (None, _) => None,
+        };
         let encoders = table
             .optional_table("encoders")?
             .map(Encoders::read)
@@ -166,6 +182,7 @@ impl VehicleSpec {
             period_s,
             drive,
             wheels,
+            tyres,
             encoders,
             motor,
             battery,
@@ -203,6 +220,9 @@ impl VehicleSpec {
         }
         self.drive.write(&mut document);
         self.wheels.write(&mut document, &self.steering);
+        if let Some(tyres) = &self.tyres {
+            tyres.write(&mut document);
+        }
         if let Some(encoders) = &self.encoders {
             encoders.write(&mut document);
         }
