@@ -3,7 +3,7 @@
 use crate::random::{Random, Source};
 use senda_core::{Body, Command, Steering, Wheels};
 use senda_geom::{Pose2, trig};
-use senda_world::VehicleSpec;
+use senda_world::{Tyres, VehicleSpec};
 use std::collections::VecDeque;
 
 /// Longest step of the dynamics (ns). Actuators are integrated exactly within a step and paths are exact arcs, so
@@ -49,12 +49,16 @@ pub struct State {
     pub world_from_vehicle: Pose2,
     /// Forward speed over the floor (m/s).
     pub speed_mps: f64,
-    /// Yaw rate (rad/s).
+    /// Yaw rate of the vehicle's own (rad/s).
     pub yaw_rate_radps: f64,
+    /// Yaw rate that a push adds (rad/s).
+    pub pushed_radps: f64,
     /// Angle of the front wheels (rad); 0 without.
     pub steering_rad: f64,
     /// Voltage of the battery under the present load (V); 0 without a battery.
     pub battery_v: f64,
+    /// Speed to the left of the rear axle's centre (m/s): not 0 only while tyres slide.
+    pub sliding_mps: f64,
     /// Speeds of the left and right driven wheels' rims (m/s).
     wheels_mps: [f64; 2],
     /// Distances that the rims have turned (m).
@@ -111,7 +115,9 @@ impl Dynamics {
                 world_from_vehicle,
                 speed_mps: 0.0,
                 yaw_rate_radps: 0.0,
+                pushed_radps: 0.0,
                 steering_rad: 0.0,
+                sliding_mps: 0.0,
                 battery_v: start_v,
                 wheels_mps: [0.0; 2],
                 turned_m: [0.0; 2],
@@ -215,16 +221,31 @@ impl Dynamics {
                 let slip = 0.5 * (state.slip[0] + state.slip[1]);
                 state.speed_mps = axle_mps * (1.0 - slip);
                 let curvature_per_m = trig::tan(angle_rad) / wheelbase_m;
-                state.yaw_rate_radps = state.speed_mps * curvature_per_m;
+                match &self.spec.tyres {
+                    None => state.yaw_rate_radps = state.speed_mps * curvature_per_m,
+                    Some(tyres) => slide(tyres, wheelbase_m, state, step_s),
+                }
                 let outer = 0.5 * track_m * curvature_per_m;
                 state.wheels_mps = [axle_mps * (1.0 - outer), axle_mps * (1.0 + outer)];
             }
         }
-        state.yaw_rate_radps += push_radps;
-        state.world_from_vehicle =
+        let turning_radps = state.yaw_rate_radps + push_radps;
+        state.world_from_vehicle = if state.sliding_mps == 0.0 {
             state
                 .world_from_vehicle
-                .advance(state.speed_mps, state.yaw_rate_radps, step_s);
+                .advance(state.speed_mps, turning_radps, step_s)
+        } else {
+            // Along its direction of travel instead of its heading.
+            let drift_rad = trig::atan2(state.sliding_mps, state.speed_mps);
+            let speed_mps = trig::hypot(state.speed_mps, state.sliding_mps);
+            let drift = |by_rad: f64| Pose2::new(0.0, 0.0, by_rad);
+            state
+                .world_from_vehicle
+                .compose(drift(drift_rad))
+                .advance(speed_mps, turning_radps, step_s)
+                .compose(drift(-drift_rad))
+        };
+        state.pushed_radps = push_radps;
         let signed = self.spec.encoders.as_ref().is_none_or(|encoders| encoders.signed);
         for side in 0..2 {
             let distance_m = state.wheels_mps[side] * step_s;
@@ -307,6 +328,38 @@ fn driven(spec: &VehicleSpec, state: &State, wanted_mps: f64) -> f64 {
     let limit = f64::from(motor.value_limit);
     let value = motor.value_for(wanted_mps / turn_m, reckoned_v).round();
     motor.turns_per_s(value.clamp(-limit, limit), true_v) * turn_m
+}
+
+/// The dynamic bicycle with linear tyres: side speed and yaw rate after a step, by the implicit Euler method, which is
+/// stable at any stiffness and becomes the rolling bicycle towards standstill.
+fn slide(tyres: &Tyres, wheelbase_m: f64, state: &mut State, step_s: f64) {
+    let speed = state.speed_mps;
+    if speed.abs() < 1e-3 {
+        (state.sliding_mps, state.yaw_rate_radps) = (0.0, 0.0);
+        return;
+    }
+    let (rear_m, front_m) = (tyres.centre_ahead_m, wheelbase_m - tyres.centre_ahead_m);
+    let (front, rear) = (tyres.front_stiffness_npr, tyres.rear_stiffness_npr);
+    // Forces act against slip, whichever way the wheels roll.
+    let per_speed = 1.0 / speed.abs();
+    let side_mps = state.sliding_mps + rear_m * state.yaw_rate_radps;
+    let inertia = (tyres.mass_kg / step_s, tyres.yaw_inertia_kgm2 / step_s);
+    let cross = (front * front_m - rear * rear_m) * per_speed;
+    let a11 = inertia.0 + (front + rear) * per_speed;
+    let a12 = cross + tyres.mass_kg * speed;
+    let a22 = inertia.1 + (front * front_m * front_m + rear * rear_m * rear_m) * per_speed;
+    let steer_force = front * state.steering_rad * speed.signum();
+    let b1 = inertia.0 * side_mps + steer_force;
+    let b2 = inertia.1 * state.yaw_rate_radps + front_m * steer_force;
+    let determinant = a11 * a22 - a12 * cross;
+    let side_mps = (b1 * a22 - a12 * b2) / determinant;
+    let yaw_rate = (a11 * b2 - cross * b1) / determinant;
+    // The floor holds only so much: beyond that the vehicle runs wide.
+    let most_radps = tyres.grip_mps2 * per_speed;
+    let held = yaw_rate.clamp(-most_radps, most_radps);
+    let part = if yaw_rate == 0.0 { 1.0 } else { held / yaw_rate };
+    state.yaw_rate_radps = held;
+    state.sliding_mps = (side_mps - rear_m * yaw_rate) * part;
 }
 
 /// Moves the servo and, through its play, the front wheels.
@@ -454,6 +507,46 @@ mod tests {
             run(&mut dynamics, Command::curvature(0.0, 0.051), 0.2).speed_mps,
             0.051
         );
+    }
+
+    const TYRES: &str =
+        "[tyres]\nmass_kg = 1.5\ncentre_ahead_m = 0.08\nfront_stiffness_npr = 60\nrear_stiffness_npr = 80";
+
+    #[test]
+    fn sliding_tyres_roll_like_the_kinematic_bicycle_when_slow() {
+        let mut dynamics = at_rest(&ideal(ACKERMANN, TYRES));
+        let state = run(&mut dynamics, Command::steering(0.2, 0.05), 3.0);
+        let rolling = 0.05 * 0.2 / 0.2; // Linear tyres take the angle for its tangent.
+        assert!(
+            (state.yaw_rate_radps / rolling - 1.0).abs() < 0.01,
+            "{}",
+            state.yaw_rate_radps
+        );
+        assert!(state.sliding_mps.abs() < 1e-3);
+    }
+
+    #[test]
+    fn fast_curves_settle_at_the_understeer_gradient() {
+        let spec = ideal(ACKERMANN, TYRES);
+        let mut dynamics = at_rest(&spec);
+        let state = run(&mut dynamics, Command::steering(0.1, 1.0), 3.0);
+        // Rajamani 2012, eq. 3.2: δ = L/R + K·v²/R with K = m/L·(l_r/C_f - l_f/C_r).
+        let understeer = 1.5 / 0.2 * (0.08 / 60.0 - 0.12 / 80.0);
+        let expected = 0.1 / (0.2 + understeer);
+        assert!(
+            (state.yaw_rate_radps - expected).abs() < 1e-6,
+            "{} {expected}",
+            state.yaw_rate_radps
+        );
+        // The step's size does not matter for where it settles; the path stays finite and smooth.
+        assert!(state.sliding_mps.abs() > 1e-3 && state.world_from_vehicle.x_m.is_finite());
+    }
+
+    #[test]
+    fn grip_ends_curves_that_are_too_fast() {
+        let spec = ideal(ACKERMANN, &format!("{TYRES}\ngrip_mps2 = 0.5"));
+        let state = run(&mut at_rest(&spec), Command::steering(0.5, 1.0), 2.0);
+        assert!((state.yaw_rate_radps * state.speed_mps).abs() <= 0.5 + 1e-9);
     }
 
     const MOTOR: &str =

@@ -141,7 +141,7 @@ impl Simulator {
             stamp: Stamp::from_ns(self.dynamics.time_ns()),
             world_from_vehicle: state.world_from_vehicle,
             speed_mps: state.speed_mps,
-            yaw_rate_radps: state.yaw_rate_radps,
+            yaw_rate_radps: state.yaw_rate_radps + state.pushed_radps,
             steering_rad: state.steering_rad,
             battery_v: state.battery_v,
         }
@@ -159,7 +159,7 @@ impl Simulator {
             self.past[slot] = Past {
                 world_from_vehicle: state.world_from_vehicle,
                 speed_mps: state.speed_mps,
-                yaw_rate_radps: state.yaw_rate_radps,
+                yaw_rate_radps: state.yaw_rate_radps + state.pushed_radps,
             };
         }
     }

@@ -82,7 +82,11 @@ pub(super) fn shade(colours: &[Colours], shading: &Shading<'_>, row: &mut [u8]) 
         let mut bytes = [0u8; 4 * GROUP];
         for k in 0..GROUP {
             let light = between(&left, &right, middle(k));
-            let gloss = i32::from(colours[4 * k + 3]);
+            let gloss = if shading.glows {
+                i32::from(colours[4 * k + 3])
+            } else {
+                0
+            };
             for c in 0..3 {
                 let i = 4 * k + c;
                 let lit = ((i32::from(colours[i]) * i32::from(light[c])) >> 16) as i16;
