@@ -125,7 +125,7 @@ fn a_broken_world_names_the_line_and_the_nearest_key() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mine.toml");
     for (content, expected) in [
-        ("", "path"),
+        ("", "empty"),
         ("name = \"x\"\n[path\n", "2"),
         ("name = \"x\"\n[flor]\nkind = \"plain\"\n", "floor"),
     ] {
@@ -229,7 +229,16 @@ fn worlds_are_drawn_made_and_printed() {
 
 #[test]
 fn the_study_shows_where_the_controller_becomes_unstable() {
-    senda(&["study", "follow", "--kp", "1.1,4", "--duration", "60"])
-        .success()
-        .stdout(predicate::str::contains("converges").and(predicate::str::contains("unstable")));
+    senda(&[
+        "study",
+        "follow",
+        "--kp",
+        "1.1,2.6",
+        "--look-ahead",
+        "0.1",
+        "--delay",
+        "0.4",
+    ])
+    .success()
+    .stdout(predicate::str::contains("converges").and(predicate::str::contains("unstable")));
 }
