@@ -98,6 +98,7 @@ fn find_in(
     lens: Option<&Lens>,
 ) -> Result<Found, CalibrationError> {
     let step = ((STEP_OF_WIDTH * mask.width as f64).round() as usize).max(1);
+    let size = Vec2::new(picture.full.width as f64, picture.full.height as f64);
     let whole_picture = regions(mask, 0);
     let mut seen: Vec<Quad> = Vec::new();
     // A pair among more than two regions: second choice, if shrinking never leaves exactly two.
@@ -124,7 +125,7 @@ fn find_in(
         }
         // More regions than this are a pattern on the floor; shrinking will drop them.
         let pairs = if quads.len() <= 12 {
-            fitting_pairs(&quads, sheet, lens, &mut misfit)
+            fitting_pairs(&quads, sheet, lens, size, &mut misfit)
         } else {
             Vec::new()
         };
@@ -175,13 +176,14 @@ fn fitting_pairs(
     quads: &[Quad],
     sheet: &Sheet,
     lens: Option<&Lens>,
+    size: Vec2,
     misfit: &mut Option<CalibrationError>,
 ) -> Vec<[Quad; 2]> {
     let mut pairs = Vec::new();
     for (index, a) in quads.iter().enumerate() {
         for b in &quads[index + 1..] {
             let (near, far) = if middle(a).y > middle(b).y { (a, b) } else { (b, a) };
-            match rough_fit(near, far, sheet, lens) {
+            match rough_fit(near, far, sheet, lens, size) {
                 Ok(()) => pairs.push([*near, *far]),
                 // Two regions that are off by the size of a square have nothing to do with the sheet.
                 Err(CalibrationError::DoNotFit { error_px, .. })
@@ -216,7 +218,13 @@ fn ordered(near: &Quad, far: &Quad) -> Option<[Vec2; 8]> {
     Some(corners)
 }
 
-fn rough_fit(near: &Quad, far: &Quad, sheet: &Sheet, lens: Option<&Lens>) -> Result<(), CalibrationError> {
+fn rough_fit(
+    near: &Quad,
+    far: &Quad,
+    sheet: &Sheet,
+    lens: Option<&Lens>,
+    size: Vec2,
+) -> Result<(), CalibrationError> {
     let (near_area, far_area) = (area(near).abs(), area(far).abs());
     let far_side = far_area.sqrt();
     let limit_px = 1.5 + 0.06 * far_side;
@@ -231,7 +239,9 @@ fn rough_fit(near: &Quad, far: &Quad, sheet: &Sheet, lens: Option<&Lens>) -> Res
         None => return Err(does_not_fit(near_area.sqrt())),
     };
     let error_px = match Homography::fit(&sheet.corners(), &ideal) {
-        Some(map) if sees_all_from_one_side(&map, sheet) => misses(&map, sheet, &ideal),
+        Some(map) if sees_all_from_one_side(&map, sheet) && could_be_a_camera(&map, lens, size) => {
+            misses(&map, sheet, &ideal)
+        }
         _ => near_area.sqrt(),
     };
     if !(error_px <= limit_px) {
@@ -249,6 +259,26 @@ fn sees_all_from_one_side(image_from_floor: &Homography, sheet: &Sheet) -> bool 
     let depth = |p: Vec2| (image_from_floor.matrix() * Vec3::new(p.x, p.y, 1.0)).z;
     let depths = sheet.corners().map(depth);
     depths.iter().all(|d| *d > 0.0) || depths.iter().all(|d| *d < 0.0)
+}
+
+/// Whether a camera with about square pixels could see the floor like this: never longer along the view than across it, and
+/// foreshortened only as much as near things are larger than far ones. Blots of a pattern are neither.
+fn could_be_a_camera(image_from_floor: &Homography, lens: Option<&Lens>, size: Vec2) -> bool {
+    let centre = lens.map_or(size / 2.0, |lens| edges::pinhole_part(lens).1);
+    let centred = |column: Vec3| column.truncate() - centre * column.z;
+    let map = image_from_floor.matrix();
+    let along = centred(map.x_axis).length_squared();
+    let across = centred(map.y_axis).length_squared();
+    // With K = diag(f, f, 1) the first two columns of K⁻¹·map are equally long: f² = (across - along) / perspective.
+    let perspective = map.x_axis.z * map.x_axis.z - map.y_axis.z * map.y_axis.z;
+    let shorter = across - along;
+    if shorter < 0.3 * across {
+        // From nearly above the focal length does not show. Wide frames may have pixels up to 1.4 times as high as wide.
+        return shorter > -across;
+    }
+    let focal = (shorter / perspective).sqrt();
+    // Views of 136° to 6°; not a number when the far side is the larger one.
+    (0.2 * size.x..10.0 * size.x).contains(&focal)
 }
 
 /// Root mean square distance between the sheet's corners, mapped, and those found (px).
@@ -323,7 +353,12 @@ fn is_black_on_white(found: &Found, picture: &Picture, sheet: &Sheet, lens: Opti
             .and_then(|ideal| edges::image_from_ideal(lens, ideal));
         pixel.map(|pixel| picture.full.sample(pixel))
     };
-    [sheet.near_square_m, sheet.far_square_m].iter().all(|start| {
+    let median = |values: &mut Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(0.0)
+    };
+    // Ink over paper of each square; `None` where it is not one on the other.
+    let ratios = [sheet.near_square_m, sheet.far_square_m].map(|start| {
         let centre = Vec2::new(start + side / 2.0, 0.0);
         let mut ink: Vec<f64> = Vec::new();
         let mut paper: Vec<f64> = Vec::new();
@@ -339,18 +374,16 @@ fn is_black_on_white(found: &Found, picture: &Picture, sheet: &Sheet, lens: Opti
                 paper.extend(look(centre + Vec2::new(edge, part * 1.2) * side));
             }
         }
-        let median = |values: &mut Vec<f64>| {
-            values.sort_by(f64::total_cmp);
-            values.get(values.len() / 2).copied().unwrap_or(0.0)
-        };
+        let (black, white) = (median(&mut ink), median(&mut paper));
         // Nearer to the ink, because paper may lie half in a shadow.
-        let black = median(&mut ink);
-        let level = black + 0.25 * (median(&mut paper) - black);
+        let level = black + 0.25 * (white - black);
         let dark = ink.iter().filter(|value| **value < level).count();
         let light = paper.iter().filter(|value| **value > level).count();
-        // Reflections and the square's own blur take some.
-        dark as f64 >= 0.8 * 36.0 && light as f64 >= 0.8 * 24.0
-    })
+        // Reflections take some.
+        (dark as f64 >= 0.85 * 36.0 && light as f64 >= 0.85 * 24.0).then(|| black / white)
+    });
+    // The same ink on the same paper: light changes both alike, a reflection on one square lifts its black.
+    matches!(ratios, [Some(near), Some(far)] if (near - far).abs() < 0.25)
 }
 
 /// How many other regions are squares of the same size around the sheet: then nobody knows which two are meant. Shrinking
