@@ -1,0 +1,91 @@
+//! What document C showed on its robot, shown here in the simulator: C16 in SPEC.
+
+use senda_run::{Ears, Scenario, drive};
+use senda_world::World;
+
+/// From when on the vehicle stays within 1 cm and 2° of the line (s), and its largest distance from it (m).
+fn settling(scenario: &Scenario) -> (Option<f64>, f64) {
+    let world: World = scenario.resolve_world().unwrap();
+    let (_, recording) = drive::recorded(scenario, &mut Ears::deaf()).unwrap();
+    let mut settled_s = None;
+    let mut largest_m: f64 = 0.0;
+    for truth in recording.truths() {
+        let place = world.path.project(truth.world_from_vehicle.position());
+        let road_rad = world.path.pose_at(place.station_m).heading_rad;
+        let angle_rad = senda_geom::angle::difference(truth.world_from_vehicle.heading_rad, road_rad);
+        largest_m = largest_m.max(place.offset_m.abs());
+        let on_line = place.offset_m.abs() < 0.01 && angle_rad.abs() < 2f64.to_radians();
+        if !on_line {
+            settled_s = None;
+        } else if settled_s.is_none() {
+            settled_s = Some(truth.stamp.as_s());
+        }
+    }
+    (settled_s, largest_m)
+}
+
+fn scenario(offset_m: f64, heading_deg: f64) -> Scenario {
+    let mut scenario = Scenario::new("straight", "gopigo", "line");
+    scenario.speed_mps = Some(0.07);
+    scenario.time_limit_s = Some(15.0);
+    scenario.start.offset_m = offset_m;
+    scenario.start.heading_rad = heading_deg.to_radians();
+    scenario
+}
+
+#[test]
+fn from_21_cm_and_45_degrees_it_is_on_the_line_in_ten_seconds() {
+    // The document's state [-21.5 cm, 44.6°]: the line is to the right and the vehicle points towards it.
+    let (settled_s, _) = settling(&scenario(0.215, -44.6));
+    assert!(settled_s.is_some_and(|time| time < 10.0), "{settled_s:?}");
+}
+
+#[test]
+fn pointing_away_it_makes_a_detour_and_comes_back() {
+    // The document's state [4 cm, 12°]: the line is to the left and the vehicle points away from it.
+    let (settled_s, largest_m) = settling(&scenario(-0.04, -12.0));
+    assert!(largest_m > 0.04, "no detour: {largest_m}");
+    assert!(settled_s.is_some_and(|time| time < 10.0), "{settled_s:?}");
+}
+
+#[test]
+fn every_ready_world_of_document_c_is_driven_without_a_loss() {
+    for (world, driver, speed_mps) in [
+        ("straight", "line", 0.13),
+        ("oval", "line", 0.13),
+        ("s-curves", "line", 0.13),
+        ("hard-curves", "line", 0.13),
+        ("straight-lane", "lane", 0.16),
+        ("oval-lane", "lane", 0.16),
+        ("s-curves-lane", "lane", 0.16),
+        ("hard-curves-lane", "lane", 0.16),
+        ("hard-curves", "expert", 0.16),
+    ] {
+        let mut scenario = Scenario::new(world, "gopigo", driver);
+        scenario.speed_mps = Some(speed_mps);
+        let summary = drive::in_memory(&scenario, &mut Ears::deaf()).unwrap().summary;
+        assert!(
+            summary.completed && summary.lost == 0,
+            "{world} {driver}: {summary:?}"
+        );
+        assert!(
+            summary.lane_error_mean_m.unwrap() < 0.01,
+            "{world} {driver}: {:?}",
+            summary.lane_error_mean_m
+        );
+    }
+}
+
+#[test]
+fn the_digest_of_a_run_is_pinned() {
+    // Regenerate by running this test and copying what it prints; it must hold on x86-64 and aarch64.
+    let scenario = Scenario {
+        time_limit_s: Some(5.0),
+        ..Scenario::new("s-curves", "gopigo", "line")
+    };
+    let digest = drive::in_memory(&scenario, &mut Ears::deaf())
+        .unwrap()
+        .summary
+        .digest;
+    assert_eq!(digest, include_str!("golden/s-curves-line.txt").trim());
+}
