@@ -388,10 +388,6 @@ mod tests {
                     let mut options = ExpertOptions::default();
                     options.set_speed(Some(speed));
                     let (mean, most) = lap(&body, &path, options, delay_s, lag_s, 0.05);
-                    println!(
-                        "{} v {speed} delay {delay_s} lag {lag_s}: mean {mean:.4} max {most:.4}",
-                        body.name
-                    );
                     assert!(
                         mean < 0.005 && most < 0.03,
                         "{} {delay_s} {lag_s}: {mean} {most}",
