@@ -127,7 +127,10 @@ fn a_broken_world_names_the_line_and_the_nearest_key() {
     for (content, expected) in [
         ("", "empty"),
         ("name = \"x\"\n[path\n", "2"),
-        ("name = \"x\"\n[flor]\nkind = \"plain\"\n", "floor"),
+        (
+            "name = \"x\"\n[path]\npieces = [{ kind = \"straight\", length_m = 1 }]\n[[markings]]\nwidth_m = 0.02\n[flor]\nkind = \"plain\"\n",
+            "floor",
+        ),
     ] {
         std::fs::write(&path, content).unwrap();
         senda(&["world", "check", text(&path)])
