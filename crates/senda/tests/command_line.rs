@@ -128,7 +128,7 @@ fn a_broken_world_names_the_line_and_the_nearest_key() {
         ("", "empty"),
         ("name = \"x\"\n[path\n", "2"),
         (
-            "name = \"x\"\n[path]\npieces = [{ kind = \"straight\", length_m = 1 }]\n[[markings]]\nwidth_m = 0.02\n[flor]\nkind = \"plain\"\n",
+            "name = \"x\"\n[path]\npieces = [{ kind = \"straight\", length_m = 1 }]\n[[markings]]\nwidth_m = 0.02\ncolour = \"black\"\n[flor]\nkind = \"plain\"\n",
             "floor",
         ),
     ] {
