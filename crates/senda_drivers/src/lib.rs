@@ -27,7 +27,7 @@
 //! assert_eq!(body.speed_of(&command), 0.0);
 //! ```
 //!
-//! The way of a frame: [`sight`] finds candidates and puts them on the floor, [`line`] or [`lane`] decide which of them
+//! The way of a frame: [`sight`] finds candidates and puts them on the floor, [`mod@line`] or [`lane`] decide which of them
 //! is the path, [`follow`] turns the path's state into a yaw rate, [`speed`] and [`loss`] decide how fast and when to
 //! stop. [`study`] shows what the controller does without camera and world (C13). Two forms live side by side: the
 //! document's ([`Form::Document`]) and one that uses the line's shape on the floor plane ([`Form::Curve`], C17).
