@@ -34,6 +34,19 @@ pub(crate) fn violations(texts: &BTreeMap<String, String>, files: &BTreeSet<Stri
     findings
 }
 
+/// Pages under `docs/` that the index there does not show.
+pub(crate) fn unlisted(texts: &BTreeMap<String, String>) -> Vec<String> {
+    let index = texts.get("docs/README.md").map_or("", String::as_str);
+    let listed: Vec<&str> = targets(index);
+    texts
+        .keys()
+        .filter(|name| name.ends_with(".md") && *name != "docs/README.md")
+        .filter_map(|name| Some((name, name.strip_prefix("docs/")?)))
+        .filter(|(_, relative)| !listed.contains(relative))
+        .map(|(name, _)| format!("docs/README.md: expected a link to {name}"))
+        .collect()
+}
+
 /// What `[text](target)` and `![text](target)` point at, code left out.
 fn targets(text: &str) -> Vec<&str> {
     let mut fenced = false;
@@ -130,6 +143,22 @@ mod tests {
         ] {
             assert!(check(link).is_empty(), "{link}: {:?}", check(link));
         }
+    }
+
+    #[test]
+    fn a_page_that_the_index_leaves_out_is_found() {
+        let texts = |index: &str| {
+            BTreeMap::from([
+                ("docs/README.md".to_owned(), index.to_owned()),
+                ("docs/results/c.md".to_owned(), "# C".to_owned()),
+                ("DESIGN.md".to_owned(), "# Design".to_owned()),
+            ])
+        };
+        assert!(unlisted(&texts("[c](results/c.md)")).is_empty());
+        assert_eq!(
+            unlisted(&texts("c.md")),
+            ["docs/README.md: expected a link to docs/results/c.md"]
+        );
     }
 
     #[test]

@@ -66,7 +66,7 @@ fn main() -> ExitCode {
 fn check(root: &Path) -> Result<Vec<String>> {
     let workspace = Workspace::read(root)?;
     let architecture = read(root, "ARCHITECTURE.md")?;
-    let checks: [(&str, Vec<String>); 10] = [
+    let checks: [(&str, Vec<String>); 11] = [
         ("ranks", ranks::violations(&workspace.crates)),
         ("dependencies", dependencies::violations(&workspace.crates)),
         ("native libraries", dependencies::native(&workspace.packages)),
@@ -87,6 +87,7 @@ fn check(root: &Path) -> Result<Vec<String>> {
             front_pages::violations(&workspace.crates, &workspace.texts),
         ),
         ("links", links::violations(&workspace.texts, &workspace.files)),
+        ("index", links::unlisted(&workspace.texts)),
         ("texts", texts::machine_paths(&workspace.texts)),
         ("library", library::violations(&workspace.texts, &workspace.files)),
     ];

@@ -333,6 +333,19 @@ impl World {
         if self.markings.is_empty() {
             warnings.push(table.warning("markings", "nothing is painted: add [[markings]]".to_owned()));
         }
+        let (low, high) = self.bounds();
+        let finest_m = crate::paint::finest_texel_m(high - low);
+        if finest_m > 0.002 {
+            warnings.push(table.warning(
+                "path",
+                format!(
+                    "the floor is so large ({:.0} m x {:.0} m) that it is painted at {:.0} mm a texel at best",
+                    high.x - low.x,
+                    high.y - low.y,
+                    finest_m * 1e3
+                ),
+            ));
+        }
         for (index, marking) in self.markings.iter().enumerate() {
             if let Some((_, to_m)) = marking.span_m
                 && to_m > self.path.length_m()

@@ -37,8 +37,7 @@ pub struct FloorPainting {
 pub fn paint(world: &World, metres_per_texel: f64) -> FloorPainting {
     let (low, high) = world.bounds();
     let size = high - low;
-    let finest_m = (size.x * size.y / (TEXEL_BUDGET as f64 * 0.98)).sqrt();
-    let metres_per_texel = metres_per_texel.max(finest_m).max(1e-5);
+    let metres_per_texel = metres_per_texel.max(finest_texel_m(size)).max(1e-5);
     // Texels lie on a lattice through the world's origin, so that the same place looks the same at any margin.
     let first_column = (low.x / metres_per_texel).floor();
     let first_row = (low.y / metres_per_texel).floor();
@@ -60,6 +59,11 @@ pub fn paint(world: &World, metres_per_texel: f64) -> FloorPainting {
     lines::paint_markings(world, &mut painting);
     shade::light_up(world, &mut painting);
     painting
+}
+
+/// Side of the finest texels (m) that [`TEXEL_BUDGET`] allows a floor of a size (m).
+pub fn finest_texel_m(size: Vec2) -> f64 {
+    (size.x * size.y / (TEXEL_BUDGET as f64 * 0.98)).sqrt()
 }
 
 #[cfg(test)]

@@ -185,7 +185,11 @@ fn reversing_a_world_leaves_its_floor_alone() {
 fn a_huge_world_is_painted_coarsely() {
     let text = "[path]\npoints = [[0, 0], [300, 10], [310, 200], [0, 220]]\nclosed = true\n\
                 [[markings]]\nwidth_m = 0.1\ncolour = \"white\"\n";
-    let (world, _) = World::parse("road.toml", text).unwrap();
+    let (world, warnings) = World::parse("road.toml", text).unwrap();
+    assert!(
+        warnings.len() == 1 && warnings[0].message.contains("mm a texel"),
+        "{warnings:?}"
+    );
     let painting = paint(&world, 0.5);
     assert_eq!(painting.metres_per_texel, 0.5);
     let (low, high) = world.bounds();

@@ -1,0 +1,176 @@
+//! Made-up worlds: every seed another circuit, floor and light, always drivable.
+
+mod circuit;
+mod dice;
+mod scenery;
+
+use crate::colour::Colour;
+use crate::floor::FLOOR_PRESETS;
+use crate::light::{LIGHT_PRESETS, Light};
+use crate::world::{Backdrop, World};
+use circuit::circuit;
+use dice::Dice;
+use scenery::{choose_floor, choose_light, choose_markings, choose_thing};
+use serde::{Deserialize, Serialize};
+
+/// Limits of made-up worlds. Every field has a default; ranges are `[least, most]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Difficulty {
+    /// One line or a lane of two.
+    pub kind: Kind,
+    /// Tightest curve of the path (m). Outranks `length_m` where both cannot be had.
+    pub min_radius_m: f64,
+    /// Length of the path (m).
+    pub length_m: [f64; 2],
+    /// Distance between the lane's lines (m).
+    pub lane_width_m: [f64; 2],
+    /// Width of the lines (m).
+    pub line_width_m: [f64; 2],
+    /// Distance that other parts of the path keep (m); 0: lane width + 0.3 m, at least 0.45 m.
+    pub clearance_m: f64,
+    /// Names of floors to choose from ([`FLOOR_PRESETS`]); unknown ones are passed over.
+    pub floors: Vec<String>,
+    /// Whether colours, scale and seed of the floor vary around its preset.
+    pub vary_floor: bool,
+    /// Names of lights to choose from ([`LIGHT_PRESETS`]); unknown ones are passed over.
+    pub lights: Vec<String>,
+    /// Whether level, direction and lamps vary around the preset.
+    pub vary_light: bool,
+    /// Colours of the lines to choose from; those too near to the floor's lightness are passed over.
+    pub colours: Vec<Colour>,
+    /// Darker or lighter than the floor.
+    pub tone: Tone,
+    /// Probability that lines are dashed.
+    pub dashes: f64,
+    /// Most wear of the paint, 0..=1.
+    pub wear: f64,
+    /// Most stain of the paint, 0..=1.
+    pub stain: f64,
+    /// Probability of added soft shadows.
+    pub shadows: f64,
+    /// Probability of an added lamp.
+    pub lamps: f64,
+    /// Probability that light changes along the lap.
+    pub light_changes: f64,
+    /// Most upright things beside the path.
+    pub things: u32,
+}
+
+/// What there is to follow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// One line.
+    #[default]
+    Line,
+    /// A lane of two lines.
+    Lane,
+}
+
+/// Lightness of the lines against the floor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Tone {
+    /// Either.
+    #[default]
+    Any,
+    /// Lines darker than the floor.
+    Dark,
+    /// Lines lighter than the floor.
+    Light,
+}
+
+impl Default for Difficulty {
+    /// One line as in document C: radius 0.3 m or more, any floor and light, clean paint.
+    fn default() -> Self {
+        let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+        Self {
+            kind: Kind::Line,
+            min_radius_m: 0.3,
+            length_m: [4.0, 9.0],
+            lane_width_m: [0.22, 0.30],
+            line_width_m: [0.015, 0.02],
+            clearance_m: 0.0,
+            floors: names(&FLOOR_PRESETS),
+            vary_floor: true,
+            lights: names(&LIGHT_PRESETS),
+            vary_light: true,
+            colours: [
+                "black", "white", "pink", "blue", "red", "green", "yellow", "orange",
+            ]
+            .iter()
+            .filter_map(|name| Colour::parse(name))
+            .collect(),
+            tone: Tone::Any,
+            dashes: 0.0,
+            wear: 0.15,
+            stain: 0.15,
+            shadows: 0.2,
+            lamps: 0.2,
+            light_changes: 0.2,
+            things: 0,
+        }
+    }
+}
+
+impl Difficulty {
+    /// A lane of two lines for the kit car of document A.
+    pub fn lane() -> Self {
+        Self {
+            kind: Kind::Lane,
+            min_radius_m: 0.45,
+            length_m: [6.0, 13.0],
+            ..Self::default()
+        }
+    }
+}
+
+impl World {
+    /// A closed circuit made up from a seed: always valid, never overlapping itself, different for every seed and the
+    /// same for the same seed and difficulty.
+    pub fn random(seed: u64, difficulty: &Difficulty) -> Self {
+        let mut dice = Dice::new(seed);
+        let lane_width_m =
+            (difficulty.kind == Kind::Lane).then(|| dice.between(difficulty.lane_width_m).max(0.02));
+        let clearance_m = if difficulty.clearance_m > 0.0 {
+            difficulty.clearance_m
+        } else {
+            (lane_width_m.unwrap_or(0.0) + 0.3).max(0.45)
+        };
+        // Inside a curve the inner line must not fold.
+        let min_radius_m = difficulty
+            .min_radius_m
+            .max(lane_width_m.unwrap_or(0.0) * 0.75)
+            .max(0.02);
+        let (path_spec, path) = circuit(&mut dice, min_radius_m, difficulty.length_m, clearance_m);
+        let floor = choose_floor(&mut dice, difficulty);
+        let markings = choose_markings(&mut dice, difficulty, &floor, lane_width_m, &path);
+        let mut world = World {
+            name: format!("random-{seed}"),
+            description: String::new(),
+            lane_width_m,
+            corridor_half_width_m: lane_width_m.map_or(0.15, |width_m| width_m / 2.0),
+            start_station_m: 0.0,
+            markings,
+            floor,
+            light: Light::default(),
+            things: Vec::new(),
+            backdrop: Backdrop {
+                horizon: dice.vary(Colour::new(140, 136, 130), 50.0),
+                zenith: dice.vary(Colour::new(205, 203, 200), 30.0),
+            },
+            margin_m: 0.8,
+            path,
+            path_spec,
+        };
+        world.light = choose_light(&mut dice, difficulty, world.bounds());
+        let reach_m = world.corridor_half_width_m + 0.08;
+        for _ in 0..difficulty.things {
+            if dice.chance(0.7) {
+                world.things.extend(choose_thing(&mut dice, &world.path, reach_m));
+            }
+        }
+        world
+    }
+}
