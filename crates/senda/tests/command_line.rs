@@ -217,6 +217,28 @@ fn an_interrupted_recording_stays_readable() {
     senda(&["replay", text(&path)]).success();
 }
 
+/// A limit on file sizes stands for the full disk: writing fails in the middle of a file in the same way.
+#[test]
+#[cfg(unix)]
+fn a_full_disk_ends_the_run_with_its_words_and_keeps_what_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = assert_cmd::cargo::cargo_bin("senda");
+    let arguments = [&["drive", "--record", text(folder.path())], &SHORT[..]].concat();
+    Command::new("sh")
+        .args(["-c", "trap '' XFSZ; ulimit -f 128; exec \"$0\" \"$@\""])
+        .arg(program)
+        .args(arguments)
+        .assert()
+        .failure()
+        .stderr(
+            predicate::str::contains("straight-gopigo-line-1.mcap")
+                .and(predicate::str::contains("panicked").not()),
+        );
+    let path = folder.path().join("straight-gopigo-line-1.mcap");
+    let replay = json(&["replay", text(&path), "--json"]);
+    assert!(replay["steps"].as_u64().unwrap() > 5);
+}
+
 #[test]
 fn worlds_are_drawn_made_and_printed() {
     let folder = tempfile::tempdir().unwrap();

@@ -220,6 +220,21 @@ impl Summary {
                 ),
             ),
         ];
+        if !self.completed {
+            let other = &self.other_means;
+            if let (Some(lane), Some(heading)) =
+                (other.lane_error_as_defined_m, other.heading_error_as_defined_rad)
+            {
+                rows.push((
+                    "  where it drove",
+                    format!(
+                        "mean {} and {}; above, undriven road counts as outside",
+                        text::length(lane),
+                        text::angle_both(heading)
+                    ),
+                ));
+            }
+        }
         if let Some(time_s) = self.lap_time_s {
             rows.push(("lap time", format!("{} s", text::fixed(time_s, 2))));
         }
