@@ -27,12 +27,16 @@
 //! This crate does not know who calls it, no files (except text handed to [`calibration`]), no clock, and nothing
 //! about time: each frame stands alone. Which blob is *the* line is the drivers' decision.
 
+pub mod binary;
 pub mod blob;
 pub mod blur;
 pub mod components;
+pub mod edges;
 pub mod extractor;
 pub mod floor_line;
 pub mod floor_map;
+pub mod hough;
+pub mod hsv;
 pub mod line_joiner;
 pub mod luminance;
 pub mod morphology;
@@ -46,9 +50,12 @@ mod simd;
 pub mod calibration;
 
 pub use blob::{LineBlob, Rejection, RowPoint};
+pub use edges::{Canny, Gradients};
 pub use extractor::{ContrastScores, LineExtractor, Statistics};
 pub use floor_line::{FloorLine, LineFitter, LineState};
 pub use floor_map::FloorMap;
+pub use hough::{Hough, HoughOptions, Segment};
+pub use hsv::{HsvRange, hsv};
 pub use line_joiner::{JoinLimits, LineJoiner};
 pub use options::{BlobLimits, Channel, Contrast, ExtractorOptions};
 pub use width_profile::WidthProfile;

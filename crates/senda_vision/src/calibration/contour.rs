@@ -413,7 +413,8 @@ mod tests {
             for corner in corners.unwrap() {
                 let p = corner - middle;
                 let miss = Vec2::new(p.dot(along).abs() - wide / 2.0, p.dot(across).abs() - high / 2.0);
-                prop_assert!(miss.length() < 1.5, "{miss}");
+                // Corners of the outline before they are refined: half a pixel of outline and a pixel of raster each way.
+                prop_assert!(miss.length() < 2.1, "{miss}");
             }
         }
     }
