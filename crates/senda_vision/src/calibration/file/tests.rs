@@ -231,7 +231,8 @@ proptest! {
         };
         if let Ok(read) = Calibration::parse("damaged", &damaged) {
             for floor in read.sheet.corners() {
-                let a = read.pixel_from_floor(floor, 160, 120).unwrap();
+                // At the file's own size, since a digit of the size may change unnoticed: 125 rows for 120.
+                let a = read.pixel_from_floor(floor, read.width_px, read.height_px).unwrap();
                 let b = calibration.pixel_from_floor(floor, 160, 120).unwrap();
                 prop_assert!((a - b).length() < 3.0, "{damaged}");
             }
