@@ -1,0 +1,13 @@
+//! Networks as files, and a small engine that trains and runs them on the CPU.
+
+mod error;
+mod library;
+mod network;
+mod parse;
+mod reader;
+mod text;
+mod weights;
+
+pub use error::{NetworkError, Problem};
+pub use network::{Activation, Kind, Layer, Network, Padding, Shape, Tensor};
+pub use weights::Weights;
