@@ -95,6 +95,7 @@ fn time(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let mut residue = vec![0; width * height];
     let mut extractor = LineExtractor::new(width, height, &profile, options);
     let mut filter = LineResidue::new(width, extractor.filter_widths().iter().copied());
+    assert_eq!(extractor.top(), 0, "this camera sees no horizon");
     let fixed = extractor.filter_widths()[height / 2];
     let mut fixed_filter = LineResidue::new(width, std::iter::repeat_n(fixed, height));
     let mut components = Components::with_size(width, height);

@@ -17,10 +17,11 @@ pub(crate) struct BlobPool {
 
 const NONE: u32 = u32::MAX;
 
-/// The thresholded picture's grey values, with [`FINE_BITS`].
+/// The thresholded picture's grey values, with [`FINE_BITS`], from row `top` on.
 #[derive(Clone, Copy)]
 pub(crate) struct Residue<'a> {
     pub(crate) fine: &'a [u16],
+    pub(crate) top: usize,
     pub(crate) width: usize,
     pub(crate) profile: &'a WidthProfile,
 }
@@ -104,7 +105,7 @@ impl BlobPool {
                 continue;
             }
             let blob = &mut self.blobs[index as usize];
-            let row = run.y as usize * residue.width;
+            let row = (run.y as usize - residue.top) * residue.width;
             let (start, end) = (run.start as usize, run.end as usize);
             let (mut sum, mut moment) = (0u64, 0u64);
             for (i, value) in residue.fine[row + start..row + end].iter().enumerate() {

@@ -56,7 +56,9 @@ impl LineExtractor {
         }
         self.use_channel(best.0);
         self.extract(image, best.1);
-        if let Some(channel) = discriminant(image, self.blobs()) {
+        self.fragments();
+        let parts = self.blobs().iter().chain(self.found_fragments());
+        if let Some(channel) = discriminant(image, parts) {
             self.use_channel(channel);
             let (contrast, strength) = self.better_contrast(image);
             if strength > best.2 {
@@ -73,14 +75,15 @@ impl LineExtractor {
         let mut strength = |contrast| -> f64 {
             self.extract(image, contrast);
             let pixels = (self.width() * self.height()) as f64;
-            let (mut area, mut total) = (0.0, 0.0);
-            for blob in self.blobs() {
+            let (mut area, mut total, mut shown) = (0.0, 0.0, 0.0);
+            self.fragments();
+            for blob in self.blobs().iter().chain(self.found_fragments()) {
                 area += blob.area_px;
                 total += blob.area_px * blob.residue_mean;
+                shown += blob.score * blob.whole_part() * blob.residue_mean;
             }
             let elsewhere = (self.statistics().mean * pixels - total).max(0.0) / (pixels - area).max(1.0);
-            let shown = |blob: &LineBlob| blob.score * blob.whole_part() * blob.residue_mean;
-            self.blobs().iter().map(shown).sum::<f64>() / (elsewhere + 1.0)
+            shown / (elsewhere + 1.0)
         };
         let (dark, light) = (strength(Contrast::Dark), strength(Contrast::Light));
         if light > dark {
@@ -118,9 +121,9 @@ impl Colours {
 }
 
 /// The projection that separates the blobs' colours from those beside them; lines come out light.
-fn discriminant(image: &Image, blobs: &[LineBlob]) -> Option<Channel> {
+fn discriminant<'a>(image: &Image, blobs: impl Iterator<Item = &'a LineBlob>) -> Option<Channel> {
     let (mut line, mut floor) = (Colours::default(), Colours::default());
-    for row in blobs.iter().flat_map(|blob| &blob.rows) {
+    for row in blobs.flat_map(|blob| &blob.rows) {
         let y = row.v as usize;
         if row.at_edge || y >= image.height() {
             continue;

@@ -2,7 +2,7 @@
 
 use crate::Channel;
 use crate::simd::{Kernel, Level};
-use senda_core::{Channels, Image};
+use senda_core::Channels;
 
 /// A [`Channel`] made ready for pixels: integer weights.
 #[derive(Debug, Clone, Copy)]
@@ -56,10 +56,9 @@ impl Grey {
         }
     }
 
-    /// Fills `target` (one byte a pixel) from `image`. A gray image is taken as it is, whatever the channel.
-    pub(crate) fn convert(self, image: &Image, target: &mut [u8], level: Level) {
-        let pixels = image.pixels();
-        match image.channels() {
+    /// Fills `target` (one byte a pixel). Gray pixels are taken as they are, whatever the channel.
+    pub(crate) fn convert(self, channels: Channels, pixels: &[u8], target: &mut [u8], level: Level) {
+        match channels {
             Channels::Gray => target.copy_from_slice(pixels),
             Channels::Rgb => level.run(Convert {
                 grey: self,
@@ -122,9 +121,8 @@ mod tests {
     fn grey_of(channel: Channel, rgb: [u8; 3]) -> u8 {
         // Wide enough for the vector code to take part.
         let pixels = rgb.repeat(67);
-        let image = Image::from_pixels(67, 1, Channels::Rgb, pixels).expect("three bytes a pixel");
         let mut target = vec![0; 67];
-        Grey::new(channel).convert(&image, &mut target, Level::detect());
+        Grey::new(channel).convert(Channels::Rgb, &pixels, &mut target, Level::detect());
         assert!(target.iter().all(|value| *value == target[0]));
         assert_eq!(target[0], Grey::new(channel).of_pixel(&rgb));
         target[0]
