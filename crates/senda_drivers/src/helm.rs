@@ -4,7 +4,7 @@ use crate::follow::{FollowOptions, Follower, Form, LineState, Steer, track_m, wh
 use crate::loss::{Loss, LossOptions, Mode, WhileLost};
 use crate::motion::CommandModel;
 use crate::options::DriverError;
-use crate::path_memory::TrackOptions;
+use crate::path_memory::{PathMemory, TrackOptions};
 use crate::sight::Sight;
 use crate::speed::SpeedOptions;
 use senda_core::{Body, Command, Explanation, Observation, Stamp};
@@ -25,6 +25,9 @@ pub(crate) struct Percept {
     /// Side to which the path left: +1 left, -1 right, 0 unknown.
     pub(crate) side: f64,
 }
+
+/// With less of the path known ahead than this it is at its end (m).
+const KNOWN_LEAST_M: f64 = 0.02;
 
 /// Follows, stops when lost, and keeps what the log wants.
 pub(crate) struct Helm {
@@ -120,13 +123,39 @@ impl Helm {
             .predict(self.track.delay_s + self.track.lag_s + half_period_s)
     }
 
+    /// What the remembered path means for the command that comes now. A memory that leads backwards is dropped.
+    pub(crate) fn perceive(&self, memory: &mut PathMemory, found: bool) -> Percept {
+        let predicted = self.predicted();
+        let known_m = memory.ahead_of(predicted.position());
+        let side = memory
+            .points()
+            .last()
+            .map_or(self.percept.side, |end| end.y.signum());
+        let usable = known_m > KNOWN_LEAST_M || found;
+        let state = if usable {
+            memory.state(predicted, self.preview_m(), &self.track)
+        } else {
+            None
+        };
+        if usable && state.is_none() {
+            memory.clear();
+        }
+        Percept {
+            found: found && state.is_some(),
+            state,
+            sharpest_per_m: memory.sharpest_ahead(self.slow_down_reach_m(), &self.track),
+            known_m,
+            side,
+        }
+    }
+
     /// How far ahead the curvature is taken (m).
-    pub(crate) fn preview_m(&self) -> f64 {
+    fn preview_m(&self) -> f64 {
         self.track.preview_m + self.track.preview_s * self.speed_mps
     }
 
     /// How far ahead curves slow the vehicle down (m).
-    pub(crate) fn slow_down_reach_m(&self) -> f64 {
+    fn slow_down_reach_m(&self) -> f64 {
         0.15 + 0.7 * self.speed.cruise_mps
     }
 

@@ -228,27 +228,13 @@ impl Driver for LaneDriver {
         }
 
         self.predicted = self.helm.predicted();
-        let percept = match &self.lane {
+        let percept = match &mut self.lane {
             Lane::Document(_, accepted) => Percept {
                 found: self.found,
                 state: accepted.map(|accepted| accepted.path),
                 ..Percept::default()
             },
-            Lane::Curve(lane) => {
-                let known_m = lane.memory.ahead_of(self.predicted.position());
-                let usable = known_m > 0.02 || self.found;
-                Percept {
-                    found: self.found,
-                    state: if usable {
-                        lane.memory.state(self.predicted, self.helm.preview_m(), &track)
-                    } else {
-                        None
-                    },
-                    sharpest_per_m: lane.memory.sharpest_ahead(self.helm.slow_down_reach_m(), &track),
-                    known_m,
-                    side: lane.memory.points().last().map_or(0.0, |end| end.y.signum()),
-                }
-            }
+            Lane::Curve(lane) => self.helm.perceive(&mut lane.memory, self.found),
         };
         let command = self.helm.steer(percept);
         if self.helm.mode() == Mode::Tracking {

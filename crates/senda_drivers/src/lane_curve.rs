@@ -1,9 +1,13 @@
 //! The lane as a remembered middle with a width: which blobs are its lines, and where they put the middle.
 
+use crate::along_path::AlongPath;
+use crate::association::{Beside, POINTS_LEAST, TURN_LIMIT_RAD, beside, direction_at};
 use crate::lane::LaneShape;
+use crate::lane_pair::{Pair, PairSearch};
 use crate::path_memory::{PathMemory, TrackOptions};
 use crate::sight::{Candidate, FloorPoint, Sight};
 use senda_geom::{Pose2, Vec2};
+use std::cell::RefCell;
 
 /// What a candidate is to the lane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -44,30 +48,32 @@ pub(crate) struct CurveLane {
     known: Width,
     /// Where the line between the two runs, to the left of the middle (m), once learned.
     between_m: Option<f64>,
+    /// In how many frames it was seen there.
+    between_frames: u32,
     roles: Vec<Role>,
     seen: Vec<FloorPoint>,
+    order: AlongPath,
     strange_frames: u32,
-}
-
-/// Where a candidate lies beside a path: median offset and the offsets' median deviation (m).
-#[derive(Debug, Clone, Copy)]
-struct Beside {
-    offset_m: f64,
-    spread_m: f64,
-}
-
-/// A possible lane.
-struct Pair {
-    left: usize,
-    right: usize,
-    width_m: f64,
-    cost: f64,
+    undecided_frames: u32,
+    unmatched_frames: u32,
+    pairs: PairSearch,
+    scratch: RefCell<Vec<f64>>,
 }
 
 /// So many frames in a row that show a lane elsewhere and nothing where it should be make it jump.
 const STRANGE_FRAMES: u32 = 4;
+/// After so many frames with candidates of which none matches, the far end of the memory is forgotten ...
+pub(crate) const UNMATCHED_FRAMES: u32 = 3;
+/// ... except for this much ahead of the axle (m).
+pub(crate) const TRUSTED_AHEAD_M: f64 = 0.12;
+/// After so many frames that show lines but no lane, the strongest line must do.
+const UNDECIDED_FRAMES: u32 = 10;
 /// Part of the difference by which a frame that shows both lines changes the lane's width.
 const WIDTH_LEARNED: f64 = 0.1;
+/// A line between the two counts as one after so many frames in which it kept its place: reflections do not.
+const BETWEEN_FRAMES: u32 = 40;
+/// Keeping its place means within this (m).
+const BETWEEN_STEADY_M: f64 = 0.015;
 /// Half the length over which a line's direction is taken (m), at least.
 const TANGENT_M: f64 = 0.04;
 
@@ -81,9 +87,15 @@ impl CurveLane {
             memory: PathMemory::default(),
             known: Width::Known,
             between_m: None,
+            between_frames: 0,
             roles: Vec::new(),
             seen: Vec::new(),
+            order: AlongPath::default(),
             strange_frames: 0,
+            undecided_frames: 0,
+            unmatched_frames: 0,
+            pairs: PairSearch::default(),
+            scratch: RefCell::new(Vec::new()),
         }
     }
 
@@ -136,14 +148,21 @@ impl CurveLane {
         }
         self.assign(candidates, now_from_exposure, track, lost_m);
         self.collect(candidates, now_from_exposure);
-        if self.seen.len() >= 3 {
-            self.strange_frames = 0;
+        if self.seen.len() >= POINTS_LEAST {
             // A remembered point of the middle counts as in view when one of the lines beside it is.
             let half = Vec2::new(0.0, 0.5 * self.width_m.unwrap_or(0.0));
-            self.memory.update(&self.seen, track, |floor| {
+            let believed = self.memory.update(&self.seen, track, |floor| {
                 sight.sees(floor + half) || sight.sees(floor - half)
             });
-            return true;
+            if believed {
+                (self.strange_frames, self.unmatched_frames) = (0, 0);
+                return true;
+            }
+        }
+        // A wrong end of the memory can keep everything from matching: without it the next frame may.
+        self.unmatched_frames += 1;
+        if self.unmatched_frames.is_multiple_of(UNMATCHED_FRAMES) {
+            self.memory.shorten(TRUSTED_AHEAD_M);
         }
         // Nothing where the lane should be, but perhaps a lane elsewhere.
         let elsewhere = self.best_pair(candidates, now_from_exposure, track, 1.2);
@@ -176,7 +195,7 @@ impl CurveLane {
     ) -> bool {
         let half_m = 0.5 * self.width_m.unwrap_or(0.0);
         let lies_at = |index: usize, at_m: f64| {
-            self.beside(&self.memory, &candidates[index], now_from_exposure)
+            self.beside(&candidates[index], now_from_exposure)
                 .is_some_and(|beside| (beside.offset_m - at_m).abs() < track.gate_m + 0.02)
         };
         match self.known {
@@ -193,10 +212,12 @@ impl CurveLane {
             self.enter(&pair, sight, now_from_exposure, track);
             return true;
         }
-        // One line only: the strongest, if it is clearly that.
+        // One line only: the strongest, if it is clearly that, or if nothing better came up for a while.
         let best = &candidates[0];
         let rival = candidates.get(1).map_or(0.0, |second| second.score);
-        if best.points.len() < 3 || best.score < self.shape.dominance * rival {
+        let clear = best.score >= self.shape.dominance * rival;
+        self.undecided_frames = if clear { 0 } else { self.undecided_frames + 1 };
+        if best.points.len() < POINTS_LEAST || !(clear || self.undecided_frames > UNDECIDED_FRAMES) {
             return false;
         }
         self.roles[0] = Role::Single;
@@ -236,7 +257,7 @@ impl CurveLane {
         self.roles[pair.left] = Role::Left;
         self.roles[pair.right] = Role::Right;
         self.width_m = Some(pair.width_m);
-        self.between_m = None;
+        (self.between_m, self.between_frames) = (None, 0);
         self.known = Width::Known;
         self.strange_frames = 0;
         self.memory.clear();
@@ -255,8 +276,9 @@ impl CurveLane {
         let slack_m = track.gate_m + 0.2 * lost_m;
         if self.known == Width::OneLine {
             for (index, candidate) in candidates.iter().enumerate() {
-                if let Some(beside) = self.beside(&self.memory, candidate, now_from_exposure) {
-                    if beside.offset_m.abs() < slack_m + 0.5 * beside.spread_m {
+                if let Some(beside) = self.beside(candidate, now_from_exposure) {
+                    let gate_m = slack_m + track.gate_slope * beside.range_m + 0.5 * beside.spread_m;
+                    if beside.offset_m.abs() < gate_m && beside.turn_rad.abs() < TURN_LIMIT_RAD {
                         self.roles[index] = Role::Single;
                     }
                 }
@@ -268,15 +290,17 @@ impl CurveLane {
         // Never so wide that a line could be taken for the middle.
         let gate_m = slack_m.max(0.15 * width_m).min(0.35 * width_m);
         for (index, candidate) in candidates.iter().enumerate() {
-            let Some(beside) = self.beside(&self.memory, candidate, now_from_exposure) else {
+            let Some(beside) = self.beside(candidate, now_from_exposure) else {
                 continue;
             };
-            let near = |at_m: f64| (beside.offset_m - at_m).abs() < gate_m && beside.spread_m < gate_m;
+            let gate_m = gate_m + track.gate_slope * beside.range_m;
+            let along = beside.turn_rad.abs() < TURN_LIMIT_RAD && beside.spread_m < gate_m;
+            let near = |at_m: f64| along && (beside.offset_m - at_m).abs() < gate_m;
             self.roles[index] = if near(half_m) {
                 Role::Left
             } else if near(-half_m) {
                 Role::Right
-            } else if beside.offset_m.abs() < half_m {
+            } else if along && beside.offset_m.abs() < half_m {
                 Role::Between
             } else {
                 Role::Stranger
@@ -290,7 +314,7 @@ impl CurveLane {
         let mean_of = |role: Role| {
             let (mut sum, mut weight) = (0.0, 0.0);
             for (candidate, _) in candidates.iter().zip(&self.roles).filter(|(_, r)| **r == role) {
-                if let Some(beside) = self.beside(&self.memory, candidate, now_from_exposure) {
+                if let Some(beside) = self.beside(candidate, now_from_exposure) {
                     let count = candidate.points.len() as f64;
                     (sum, weight) = (sum + beside.offset_m * count, weight + count);
                 }
@@ -304,7 +328,12 @@ impl CurveLane {
         }
         if let (Some(between), true) = (between, left.is_some() || right.is_some()) {
             let known = self.between_m.unwrap_or(between);
-            self.between_m = Some(known + WIDTH_LEARNED * (between - known));
+            if (between - known).abs() < BETWEEN_STEADY_M {
+                self.between_frames += 1;
+                self.between_m = Some(known + WIDTH_LEARNED * (between - known));
+            } else {
+                (self.between_m, self.between_frames) = (None, 0);
+            }
         }
     }
 
@@ -323,7 +352,7 @@ impl CurveLane {
                 Role::Single => 0.0,
                 // The line between stands in when neither edge is seen.
                 Role::Between => match self.between_m {
-                    Some(between_m) if !has_edge => -between_m,
+                    Some(between_m) if !has_edge && self.between_frames >= BETWEEN_FRAMES => -between_m,
                     _ => continue,
                 },
                 Role::Stranger => continue,
@@ -340,182 +369,35 @@ impl CurveLane {
                 });
             }
         }
-        let memory = &self.memory;
-        let station = |at: Vec2| memory.locate(at).map_or(at.x, |place| place.station_m);
-        self.seen.sort_by(|a, b| station(a.at).total_cmp(&station(b.at)));
-        average_along(&mut self.seen, |point| station(point.at));
+        self.order.sort(&self.memory, &self.seen);
+        self.order.average(&mut self.seen);
     }
 
-    /// Where a candidate lies beside a path.
-    fn beside(&self, path: &PathMemory, candidate: &Candidate, now_from_exposure: Pose2) -> Option<Beside> {
-        if candidate.points.len() < 3 {
-            return None;
-        }
-        let mut offsets: Vec<f64> = candidate
-            .points
-            .iter()
-            .filter_map(|point| path.locate(now_from_exposure.transform(point.at)))
-            .filter(|place| place.beyond_m < 0.5)
-            .map(|place| place.offset_m)
-            .collect();
-        if offsets.len() < 3 || 2 * offsets.len() < candidate.points.len() {
-            return None;
-        }
-        let offset_m = median(&mut offsets);
-        for offset in &mut offsets {
-            *offset = (*offset - offset_m).abs();
-        }
-        Some(Beside {
-            offset_m,
-            spread_m: median(&mut offsets),
-        })
+    /// Where a candidate lies beside the remembered middle.
+    fn beside(&self, candidate: &Candidate, now_from_exposure: Pose2) -> Option<Beside> {
+        beside(
+            &self.memory,
+            &candidate.points,
+            now_from_exposure,
+            &mut self.scratch.borrow_mut(),
+        )
     }
 
     /// The two candidates that most look like a lane around the vehicle.
-    /// `furthest` limits where the vehicle stands in it: 0 in the middle, 1 on one of the lines.
     fn best_pair(
-        &self,
+        &mut self,
         candidates: &[Candidate],
         now_from_exposure: Pose2,
         track: &TrackOptions,
         furthest: f64,
     ) -> Option<Pair> {
-        const CANDIDATES_LIMIT: usize = 8;
-        let shape = &self.shape;
-        let count = candidates.len().min(CANDIDATES_LIMIT);
-        let mut paths: Vec<PathMemory> = Vec::with_capacity(count);
-        for candidate in &candidates[..count] {
-            let mut path = PathMemory::default();
-            let points: Vec<FloorPoint> = candidate
-                .points
-                .iter()
-                .map(|point| FloorPoint {
-                    at: now_from_exposure.transform(point.at),
-                    ..*point
-                })
-                .collect();
-            path.update(&points, track, |_| true);
-            paths.push(path);
-        }
-        let mut best: Option<Pair> = None;
-        for right in 0..count {
-            for left in 0..count {
-                if left == right {
-                    continue;
-                }
-                let Some(beside) = self.beside(&paths[right], &candidates[left], now_from_exposure) else {
-                    continue;
-                };
-                let width_m = beside.offset_m;
-                let turn = match (candidates[left].straight, candidates[right].straight) {
-                    (Some(a), Some(b)) => senda_geom::angle::difference(a.theta_rad, b.theta_rad),
-                    _ => continue,
-                };
-                let wrong_order = candidates[left].centroid.x >= candidates[right].centroid.x;
-                if width_m < shape.narrowest_m
-                    || width_m > shape.widest_m
-                    || beside.spread_m > 0.015 + 0.12 * width_m
-                    || turn.abs() > shape.orientation_rad
-                    || wrong_order
-                {
-                    continue;
-                }
-                // Where the vehicle stands in it: -1 right line, 0 middle, 1 left line.
-                let place = paths[right]
-                    .locate(Vec2::ZERO)
-                    .map_or(1.0, |place| 2.0 * place.offset_m / width_m - 1.0);
-                if place.abs() > furthest {
-                    continue;
-                }
-                let score = candidates[left].score.min(candidates[right].score);
-                let mut cost = place.abs() + 4.0 * beside.spread_m / width_m - score / 100_000.0;
-                if let Some(known_m) = shape.width_m.or(self.width_m) {
-                    cost += 4.0 * (width_m / known_m - 1.0).abs();
-                }
-                if best.as_ref().is_none_or(|pair| cost < pair.cost) {
-                    best = Some(Pair {
-                        left,
-                        right,
-                        width_m,
-                        cost,
-                    });
-                }
-            }
-        }
-        best
+        let known_m = self.shape.width_m.or(self.width_m);
+        self.pairs.best(
+            candidates,
+            now_from_exposure,
+            (&self.shape, known_m),
+            track,
+            furthest,
+        )
     }
-}
-
-/// Direction of a line at one of its points: least squares over `reach_m` to both sides, and over at least five points.
-fn direction_at(points: &[FloorPoint], index: usize, reach_m: f64) -> Vec2 {
-    let at = points[index].at;
-    let near = |point: &FloorPoint| (point.at - at).length() <= reach_m;
-    let mut first = index
-        - points[..index]
-            .iter()
-            .rev()
-            .take_while(|point| near(point))
-            .count();
-    let mut last = index + 1 + points[index + 1..].iter().take_while(|point| near(point)).count();
-    // At the ends the window reaches further in.
-    let wanted = 5.min(points.len());
-    if last - first < wanted {
-        last = (first + wanted).min(points.len());
-        first = last - wanted;
-    }
-    let window = &points[first..last];
-    let count = window.len() as f64;
-    let middle = window.iter().map(|point| point.at).sum::<Vec2>() / count;
-    // Along the chord, so that steep lines are fitted as well as flat ones.
-    let Some(chord) = (window[window.len() - 1].at - window[0].at).try_normalize() else {
-        return Vec2::X;
-    };
-    let (mut along_along, mut along_aside) = (0.0, 0.0);
-    for point in window {
-        let away = point.at - middle;
-        let along = away.dot(chord);
-        along_along += along * along;
-        along_aside += along * away.dot(chord.perp());
-    }
-    let slope = if along_along > 0.0 {
-        along_aside / along_along
-    } else {
-        0.0
-    };
-    (chord + chord.perp() * slope).normalize()
-}
-
-/// Averages points of the same centimetre of the path: where both lines show the middle, it is their mean.
-fn average_along(points: &mut Vec<FloorPoint>, station: impl Fn(&FloorPoint) -> f64) {
-    const BIN_M: f64 = 0.01;
-    let mut kept = 0;
-    let mut from = 0;
-    while from < points.len() {
-        let begin_m = station(&points[from]);
-        let mut to = from + 1;
-        while to < points.len() && station(&points[to]) < begin_m + BIN_M {
-            to += 1;
-        }
-        let group = &points[from..to];
-        let weight = |point: &FloorPoint| 1.0 / (point.sigma_m * point.sigma_m).max(1e-8);
-        let total: f64 = group.iter().map(weight).sum();
-        let mean = group.iter().map(|point| point.at * weight(point)).sum::<Vec2>() / total;
-        let sigma_m = group
-            .iter()
-            .fold(f64::INFINITY, |least, point| least.min(point.sigma_m));
-        let step_m = group.iter().fold(0.0, |most: f64, point| most.max(point.step_m));
-        points[kept] = FloorPoint {
-            at: mean,
-            sigma_m,
-            step_m,
-        };
-        kept += 1;
-        from = to;
-    }
-    points.truncate(kept);
-}
-
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }

@@ -34,12 +34,15 @@
 //!
 //! This crate does not know simulators, hardware, files and clocks; the true state reaches [`ExpertDriver`] only.
 
+mod along_path;
+mod association;
 pub mod expert;
 pub mod follow;
 mod helm;
 pub mod lane;
 mod lane_curve;
 mod lane_document;
+mod lane_pair;
 pub mod line;
 pub mod loss;
 mod motion;

@@ -1,7 +1,10 @@
 //! `line`: follows one line by camera (C3 to C7, C9, C10, C12).
 
+use crate::along_path::AlongPath;
+use crate::association::{POINTS_LEAST, TURN_LIMIT_RAD, beside};
 use crate::follow::{FollowOptions, Form, LineState};
 use crate::helm::{GOAL_COLOR, Helm, LINE_COLOR, PATH_COLOR, Percept, REFUSED_COLOR};
+use crate::lane_curve::{TRUSTED_AHEAD_M, UNMATCHED_FRAMES};
 use crate::loss::{LossOptions, Mode};
 use crate::options::{DriverError, check};
 use crate::path_memory::{PathMemory, TrackOptions};
@@ -96,14 +99,16 @@ pub struct LineDriver {
     sight: Sight,
     helm: Helm,
     memory: PathMemory,
-    /// Image column where the line was last seen (px), and the place on the floor.
+    /// Image column where the line was last seen (px).
     last_u_px: Option<f64>,
-    last_side: f64,
     /// Accepted in this frame: indices into the candidates.
     accepted: Vec<usize>,
     /// Points of the accepted candidates in the present vehicle frame.
     seen: Vec<FloorPoint>,
+    order: AlongPath,
+    group: Group,
     elsewhere_frames: u32,
+    unmatched_frames: u32,
     undecided_s: f64,
     found: bool,
     predicted: Pose2,
@@ -126,10 +131,12 @@ impl LineDriver {
             options,
             memory: PathMemory::default(),
             last_u_px: None,
-            last_side: 0.0,
             accepted: Vec::new(),
             seen: Vec::new(),
+            order: AlongPath::default(),
+            group: Group::default(),
             elsewhere_frames: 0,
+            unmatched_frames: 0,
             undecided_s: 0.0,
             found: false,
             predicted: Pose2::default(),
@@ -175,17 +182,33 @@ impl LineDriver {
         let candidates = self.sight.candidates();
         if !self.memory.is_empty() {
             for (index, candidate) in candidates.iter().enumerate() {
-                if fits(&self.memory, &candidate.points, &track, lost_m) {
+                if fits(
+                    &self.memory,
+                    &candidate.points,
+                    &track,
+                    lost_m,
+                    &mut self.group.scratch,
+                ) {
                     self.accepted.push(index);
                 }
             }
             if !self.accepted.is_empty() {
-                self.elsewhere_frames = 0;
+                (self.elsewhere_frames, self.unmatched_frames) = (0, 0);
                 return;
             }
+            // A wrong end of the memory can keep everything from matching: without it the next frame may.
+            self.unmatched_frames += u32::from(!candidates.is_empty());
+            if self.unmatched_frames >= UNMATCHED_FRAMES {
+                self.unmatched_frames = 0;
+                self.memory.shorten(TRUSTED_AHEAD_M);
+            }
         }
-        let Some(group) = dominant_group(candidates, self.options.choice.dominance, &mut self.accepted)
-        else {
+        let Some(group) = self.group.dominant(
+            candidates,
+            self.options.choice.dominance,
+            &track,
+            &mut self.accepted,
+        ) else {
             self.accepted.clear();
             return;
         };
@@ -242,7 +265,8 @@ impl LineDriver {
             }));
         }
         if self.accepted.len() > 1 {
-            order_along(&self.memory, &mut self.seen);
+            self.order.sort(&self.memory, &self.seen);
+            self.order.put(&mut self.seen);
         }
         if let Some(first) = self.accepted.first() {
             self.last_u_px = Some(self.sight.candidates()[*first].centroid.x);
@@ -266,12 +290,11 @@ impl Driver for LineDriver {
                 self.choose_on_path();
                 self.choose_undecided();
                 self.collect(now_from_exposure);
-                self.found = self.seen.len() >= 3;
-                if self.found {
-                    let sight = &self.sight;
-                    self.memory
+                let sight = &self.sight;
+                self.found = self.seen.len() >= POINTS_LEAST
+                    && self
+                        .memory
                         .update(&self.seen, &self.options.track, |floor| sight.sees(floor));
-                }
             }
         } else {
             self.sight.close();
@@ -288,28 +311,7 @@ impl Driver for LineDriver {
             }
         } else {
             self.predicted = self.helm.predicted();
-            let known_m = self.memory.ahead_of(self.predicted.position());
-            let side = self
-                .memory
-                .points()
-                .last()
-                .map_or(self.last_side, |end| end.y.signum());
-            self.last_side = side;
-            let usable = known_m > 0.02 || self.found;
-            Percept {
-                found: self.found,
-                state: if usable {
-                    self.memory
-                        .state(self.predicted, self.helm.preview_m(), &self.options.track)
-                } else {
-                    None
-                },
-                sharpest_per_m: self
-                    .memory
-                    .sharpest_ahead(self.helm.slow_down_reach_m(), &self.options.track),
-                known_m,
-                side,
-            }
+            self.helm.perceive(&mut self.memory, self.found)
         };
         let command = self.helm.steer(percept);
         if self.helm.mode() == Mode::Tracking {
@@ -353,33 +355,50 @@ fn dominant(candidates: &[Candidate], dominance: f64) -> Option<usize> {
     }
 }
 
-/// As C7, but candidates that continue the best one (dashes, a line cut by a reflection) count with it. Their
-/// indices are left in `group`.
-fn dominant_group(candidates: &[Candidate], dominance: f64, group: &mut Vec<usize>) -> Option<usize> {
-    group.clear();
-    let best = candidates.first()?;
-    group.push(0);
-    let mut score = best.score;
-    let mut rival: f64 = 0.0;
-    let track = TrackOptions::default();
-    let mut path = PathMemory::default();
-    path.update(&best.points, &track, |_| true);
-    for (index, candidate) in candidates.iter().enumerate().skip(1) {
-        if fits(&path, &candidate.points, &track, 0.0) {
-            group.push(index);
-            score += candidate.score;
-        } else {
-            rival = rival.max(candidate.score);
-        }
-    }
-    (best.points.len() >= 3 && score >= dominance * rival).then_some(0)
+/// C7 with dashes counted together; owns the memory that matching needs.
+#[derive(Debug, Default)]
+struct Group {
+    path: PathMemory,
+    scratch: Vec<f64>,
 }
 
-/// Whether most points of a candidate lie on the path or its continuation.
-fn fits(path: &PathMemory, points: &[FloorPoint], track: &TrackOptions, lost_m: f64) -> bool {
-    if points.len() < 3 {
-        return false;
+impl Group {
+    /// As C7, but candidates that continue the best one (dashes, a line cut by a reflection) count with it. Their
+    /// indices are left in `group`.
+    fn dominant(
+        &mut self,
+        candidates: &[Candidate],
+        dominance: f64,
+        track: &TrackOptions,
+        group: &mut Vec<usize>,
+    ) -> Option<usize> {
+        group.clear();
+        let best = candidates.first()?;
+        group.push(0);
+        let mut score = best.score;
+        let mut rival: f64 = 0.0;
+        self.path.clear();
+        self.path.update(&best.points, track, |_| true);
+        for (index, candidate) in candidates.iter().enumerate().skip(1) {
+            if fits(&self.path, &candidate.points, track, 0.0, &mut self.scratch) {
+                group.push(index);
+                score += candidate.score;
+            } else {
+                rival = rival.max(candidate.score);
+            }
+        }
+        (best.points.len() >= POINTS_LEAST && score >= dominance * rival).then_some(0)
     }
+}
+
+/// Whether a candidate lies on the path or its continuation, and along it. `scratch` is working memory.
+fn fits(
+    path: &PathMemory,
+    points: &[FloorPoint],
+    track: &TrackOptions,
+    lost_m: f64,
+    scratch: &mut Vec<f64>,
+) -> bool {
     let near = points
         .iter()
         .filter(|point| {
@@ -390,12 +409,8 @@ fn fits(path: &PathMemory, points: &[FloorPoint], track: &TrackOptions, lost_m: 
         })
         .count();
     2 * near > points.len()
-}
-
-/// Sorts points along the path (or along the vehicle's axis without one), so that several blobs make one line.
-fn order_along(path: &PathMemory, points: &mut [FloorPoint]) {
-    let station = |point: &FloorPoint| path.locate(point.at).map_or(point.at.x, |place| place.station_m);
-    points.sort_by(|a, b| station(a).total_cmp(&station(b)));
+        && beside(path, points, Pose2::default(), scratch)
+            .is_some_and(|beside| beside.turn_rad.abs() < TURN_LIMIT_RAD)
 }
 
 /// A candidate's middle points over the picture.

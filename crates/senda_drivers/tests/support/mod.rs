@@ -6,7 +6,7 @@ use senda_geom::{Camera, Curve, Lens, Mounting, Pose2, Segment, Vec2, tracker::T
 use std::collections::VecDeque;
 
 /// The robot of document C with its webcam.
-pub fn gopigo(width_px: u32, height_px: u32) -> Body {
+pub(crate) fn gopigo(width_px: u32, height_px: u32) -> Body {
     Body {
         name: "gopigo".into(),
         steering: Steering::Differential { track_m: 0.11 },
@@ -33,7 +33,7 @@ pub fn gopigo(width_px: u32, height_px: u32) -> Body {
 }
 
 /// A kit car with a wide camera, for lanes of half a metre.
-pub fn kit_car() -> Body {
+pub(crate) fn kit_car() -> Body {
     Body {
         name: "kit-car".into(),
         steering: Steering::Ackermann {
@@ -63,7 +63,7 @@ pub fn kit_car() -> Body {
 }
 
 /// A painted floor: gray levels on a grid.
-pub struct Floor {
+pub(crate) struct Floor {
     origin: Vec2,
     width: usize,
     height: usize,
@@ -75,7 +75,7 @@ const TEXEL_M: f64 = 0.0025;
 
 impl Floor {
     /// An empty floor that covers a path with `margin_m` around it.
-    pub fn around(path: &Curve, margin_m: f64, level: u8) -> Self {
+    pub(crate) fn around(path: &Curve, margin_m: f64, level: u8) -> Self {
         let points = path.polyline(0.05);
         let margin = Vec2::splat(margin_m);
         let low = points.iter().copied().reduce(Vec2::min).unwrap() - margin;
@@ -94,7 +94,7 @@ impl Floor {
     }
 
     /// Paints a stripe along a curve, between two stations or all along it.
-    pub fn stripe(&mut self, path: &Curve, width_m: f64, level: u8, stations: Option<(f64, f64)>) {
+    pub(crate) fn stripe(&mut self, path: &Curve, width_m: f64, level: u8, stations: Option<(f64, f64)>) {
         let (from, to) = stations.unwrap_or((0.0, path.length_m()));
         let steps = ((to - from) / (0.5 * TEXEL_M)).ceil() as usize;
         let across = (width_m / (0.5 * TEXEL_M)).ceil() as i32;
@@ -109,7 +109,7 @@ impl Floor {
     }
 
     /// Dashes of `dash_m` with gaps of `gap_m`.
-    pub fn dashes(&mut self, path: &Curve, width_m: f64, level: u8, dash_m: f64, gap_m: f64) {
+    pub(crate) fn dashes(&mut self, path: &Curve, width_m: f64, level: u8, dash_m: f64, gap_m: f64) {
         let mut at = 0.0;
         while at + dash_m < path.length_m() {
             self.stripe(path, width_m, level, Some((at, at + dash_m)));
@@ -118,7 +118,7 @@ impl Floor {
     }
 
     /// A filled circle: a stain, a reflection.
-    pub fn disc(&mut self, centre: Vec2, radius_m: f64, level: u8) {
+    pub(crate) fn disc(&mut self, centre: Vec2, radius_m: f64, level: u8) {
         let steps = (radius_m / TEXEL_M).ceil() as i32;
         for j in -steps..=steps {
             for i in -steps..=steps {
@@ -131,7 +131,7 @@ impl Floor {
     }
 
     /// Speckles the whole floor by ± `amplitude`, in grains of some millimetres.
-    pub fn speckle(&mut self, amplitude: i32) {
+    pub(crate) fn speckle(&mut self, amplitude: i32) {
         for j in 0..self.height {
             for i in 0..self.width {
                 let grain = mix((i as u64 / 2) << 32 | (j as u64 / 2));
@@ -175,14 +175,14 @@ fn mix(value: u64) -> u64 {
 }
 
 /// Draws what a camera sees of a floor: four rays a pixel.
-pub struct Eye {
+pub(crate) struct Eye {
     rays: Vec<[Option<Vec2>; 4]>,
     width: usize,
     height: usize,
 }
 
 impl Eye {
-    pub fn new(camera: &Camera) -> Self {
+    pub(crate) fn new(camera: &Camera) -> Self {
         let (width, height) = (camera.width_px as usize, camera.height_px as usize);
         let mut rays = Vec::with_capacity(width * height);
         for y in 0..height {
@@ -194,7 +194,7 @@ impl Eye {
         Self { rays, width, height }
     }
 
-    pub fn draw(&self, floor: &Floor, world_from_vehicle: Pose2, image: &mut Image) {
+    pub(crate) fn draw(&self, floor: &Floor, world_from_vehicle: Pose2, image: &mut Image) {
         image.reshape(self.width, self.height, Channels::Gray);
         let (forward, left) = (world_from_vehicle.forward(), world_from_vehicle.left());
         let position = world_from_vehicle.position();
@@ -213,35 +213,38 @@ impl Eye {
 
 /// What a closed loop showed.
 #[derive(Debug, Default, Clone)]
-pub struct Lap {
-    pub travelled_m: f64,
-    pub mean_m: f64,
-    pub largest_m: f64,
-    pub stopped_after_m: Option<f64>,
-    pub steps: usize,
-    pub commands: Vec<Command>,
-    pub offsets_m: Vec<f64>,
-    pub headings_rad: Vec<f64>,
+pub(crate) struct Lap {
+    pub(crate) travelled_m: f64,
+    pub(crate) mean_m: f64,
+    pub(crate) largest_m: f64,
+    pub(crate) stopped_after_m: Option<f64>,
+    pub(crate) steps: usize,
+    pub(crate) commands: Vec<Command>,
+    pub(crate) offsets_m: Vec<f64>,
+    pub(crate) headings_rad: Vec<f64>,
 }
 
+/// What is done to the picture of a step.
+type Spoil<'a> = Box<dyn Fn(usize, &mut Image) + 'a>;
+
 /// A closed loop: floor, camera, unicycle with a delay.
-pub struct Loop<'a> {
-    pub body: &'a Body,
-    pub floor: &'a Floor,
-    pub path: &'a Curve,
-    pub start: Pose2,
-    pub start_station_m: f64,
-    pub delay_steps: usize,
-    pub goal_m: f64,
-    pub seconds: f64,
+pub(crate) struct Loop<'a> {
+    pub(crate) body: &'a Body,
+    pub(crate) floor: &'a Floor,
+    pub(crate) path: &'a Curve,
+    pub(crate) start: Pose2,
+    pub(crate) start_station_m: f64,
+    pub(crate) delay_steps: usize,
+    pub(crate) goal_m: f64,
+    pub(crate) seconds: f64,
     /// The first part of the way is not judged (m).
-    pub settle_m: f64,
+    pub(crate) settle_m: f64,
     /// Changes a frame before the driver sees it: step, image.
-    pub spoil: Box<dyn Fn(usize, &mut Image) + 'a>,
+    pub(crate) spoil: Spoil<'a>,
 }
 
 impl<'a> Loop<'a> {
-    pub fn new(body: &'a Body, floor: &'a Floor, path: &'a Curve) -> Self {
+    pub(crate) fn new(body: &'a Body, floor: &'a Floor, path: &'a Curve) -> Self {
         Self {
             body,
             floor,
@@ -256,7 +259,7 @@ impl<'a> Loop<'a> {
         }
     }
 
-    pub fn drive(&self, driver: &mut dyn Driver) -> Lap {
+    pub(crate) fn drive(&self, driver: &mut dyn Driver) -> Lap {
         let eye = Eye::new(&self.body.cameras[0]);
         let mut observation = Observation {
             frames: vec![Frame {
@@ -316,7 +319,7 @@ impl<'a> Loop<'a> {
 }
 
 /// Straight, left and right arcs of a radius, straight: an S.
-pub fn s_curve(radius_m: f64) -> Curve {
+pub(crate) fn s_curve(radius_m: f64) -> Curve {
     let pieces = [
         Segment::straight(0.6),
         Segment::arc(radius_m, 1.4),
@@ -328,12 +331,12 @@ pub fn s_curve(radius_m: f64) -> Curve {
 }
 
 /// A circle to the left.
-pub fn circle(radius_m: f64) -> Curve {
+pub(crate) fn circle(radius_m: f64) -> Curve {
     let turn = [Segment::arc(radius_m, 2.0 * std::f64::consts::PI)];
     Curve::from_segments(Pose2::default(), &turn, 0.01, true).unwrap()
 }
 
 /// A straight path along x.
-pub fn straight(length_m: f64) -> Curve {
+pub(crate) fn straight(length_m: f64) -> Curve {
     Curve::from_segments(Pose2::default(), &[Segment::straight(length_m)], 0.01, false).unwrap()
 }
