@@ -1,0 +1,469 @@
+//! Model files: a trained network with everything that a driver needs to know.
+//!
+//! The layout is that of safetensors, so that Python opens one with `safetensors.safe_open`: eight bytes of header length
+//! (little-endian), a JSON header that places every tensor, the values as little-endian `f32`. What is more than weights
+//! stands in the header's `__metadata__` under `senda`.
+
+use crate::{InputSpec, Network, Weights};
+use senda_geom::{Camera, Vec2, Vec3};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+use std::io::Write;
+use std::path::Path;
+use thiserror::Error;
+
+/// The version that this program writes and reads.
+const VERSION: u32 = 1;
+
+/// Header bytes that are believed: the largest network here needs 30 kB.
+const HEADER_LIMIT: u64 = 16 << 20;
+
+/// A trained network, ready to drive.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// The layers.
+    pub network: Network,
+    /// Their weights.
+    pub weights: Weights,
+    /// How frames are prepared.
+    pub input: InputSpec,
+    /// What the outputs mean, in order.
+    pub outputs: Vec<OutputSpec>,
+    /// Where it came from.
+    pub provenance: Provenance,
+}
+
+/// One output of a network.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OutputSpec {
+    /// `steering`, `curvature`, `speed`, `throttle`.
+    pub name: String,
+    /// What 1 means, in words.
+    #[serde(default)]
+    pub unit: String,
+}
+
+/// How a model came about.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Provenance {
+    /// Version of senda that trained it.
+    pub senda: String,
+    /// Commit of that version.
+    pub commit: String,
+    /// Data that it learned from.
+    pub data: Vec<String>,
+    /// Worlds that it has seen.
+    pub worlds: Vec<String>,
+    /// Seed of the training.
+    pub seed: u64,
+    /// The command that made it.
+    pub command: String,
+    /// Figures: errors, success.
+    pub metrics: Map<String, Value>,
+    /// Anything else that a reader should know.
+    pub notes: String,
+}
+
+/// Why a model file cannot be used.
+#[derive(Debug, Error)]
+pub enum ModelError {
+    /// The system could not read or write it.
+    #[error("{file}: {reason}")]
+    File {
+        /// Which file.
+        file: String,
+        /// What the system said.
+        reason: String,
+    },
+    /// It is not a model file, or a damaged one.
+    #[error("{file}: expected a model file of senda, but {found}; {help}")]
+    Format {
+        /// Which file.
+        file: String,
+        /// What is there instead.
+        found: String,
+        /// What to do.
+        help: String,
+    },
+}
+
+/// A camera that a model was not trained with, and how it differs.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("the model was trained with another camera: {differences}")]
+pub struct CameraMismatch {
+    /// Every difference, with both values.
+    pub differences: String,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Head {
+    version: u32,
+    network: String,
+    input: InputSpec,
+    outputs: Vec<OutputSpec>,
+    #[serde(default)]
+    provenance: Provenance,
+}
+
+impl Model {
+    /// The file's bytes.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let head = Head {
+            version: VERSION,
+            network: self.network.to_toml(),
+            input: self.input.clone(),
+            outputs: self.outputs.clone(),
+            provenance: self.provenance.clone(),
+        };
+        let mut header = Map::new();
+        let text = serde_json::to_string(&head).unwrap_or_default();
+        header.insert("__metadata__".to_owned(), json!({"format": "pt", "senda": text}));
+        for tensor in self.network.tensors() {
+            let range = tensor.range();
+            header.insert(
+                tensor.name.clone(),
+                json!({"dtype": "F32", "shape": tensor.shape, "data_offsets": [4 * range.start, 4 * range.end]}),
+            );
+        }
+        let mut header = serde_json::to_vec(&Value::Object(header)).unwrap_or_default();
+        // Values are aligned to eight bytes, as safetensors wants it.
+        header.resize(header.len().next_multiple_of(8), b' ');
+        let mut bytes = Vec::with_capacity(8 + header.len() + 4 * self.weights.values.len());
+        bytes.extend_from_slice(&(header.len() as u64).to_le_bytes());
+        bytes.extend_from_slice(&header);
+        for value in &self.weights.values {
+            bytes.extend_from_slice(&value.to_le_bytes());
+        }
+        bytes
+    }
+
+    /// Writes the file: beside the old one, then in its place, so that a full disk leaves the old one whole.
+    pub fn save(&self, path: &Path) -> Result<(), ModelError> {
+        let mut partial = path.as_os_str().to_owned();
+        partial.push(".partial");
+        let partial = Path::new(&partial);
+        let write = || -> std::io::Result<()> {
+            let mut file = std::fs::File::create(partial)?;
+            file.write_all(&self.to_bytes())?;
+            file.sync_all()?;
+            std::fs::rename(partial, path)
+        };
+        write().map_err(|error| {
+            // The old file is whole; what is left of the new one is of no use.
+            let _ = std::fs::remove_file(partial);
+            ModelError::File {
+                file: path.display().to_string(),
+                reason: error.to_string(),
+            }
+        })
+    }
+
+    /// Reads a file.
+    pub fn load(path: &Path) -> Result<Self, ModelError> {
+        let name = path.display().to_string();
+        let bytes = std::fs::read(path).map_err(|error| ModelError::File {
+            file: name.clone(),
+            reason: error.to_string(),
+        })?;
+        Self::from_bytes(&name, &bytes)
+    }
+
+    /// Reads a file's bytes; `name` is for messages.
+    pub fn from_bytes(name: &str, bytes: &[u8]) -> Result<Self, ModelError> {
+        let wrong = |found: String, help: &str| ModelError::Format {
+            file: name.to_owned(),
+            found,
+            help: help.to_owned(),
+        };
+        let none = |found: &str| {
+            wrong(
+                found.to_owned(),
+                "models are made by `senda train` and `senda learn`",
+            )
+        };
+        let (length, rest) = bytes
+            .split_first_chunk::<8>()
+            .ok_or_else(|| none("it has fewer than eight bytes"))?;
+        let length = u64::from_le_bytes(*length);
+        if length > HEADER_LIMIT {
+            return Err(none("it does not begin like one"));
+        }
+        let header = rest
+            .get(..length as usize)
+            .ok_or_else(|| none("its header is longer than the file (cut short, or no model at all)"))?;
+        let data = &rest[length as usize..];
+        let header: Map<String, Value> =
+            serde_json::from_slice(header).map_err(|_| none("it does not begin like one"))?;
+        let text = header
+            .get("__metadata__")
+            .and_then(|metadata| metadata.get("senda"))
+            .and_then(Value::as_str)
+            .ok_or_else(|| {
+                wrong(
+                    "it holds weights without a description".to_owned(),
+                    "bring networks of other programs in with `senda model import`",
+                )
+            })?;
+        let version = serde_json::from_str::<Value>(text)
+            .ok()
+            .and_then(|head| head.get("version").and_then(Value::as_u64));
+        if version != Some(u64::from(VERSION)) {
+            let found = version.map_or("no version".to_owned(), |version| format!("version {version}"));
+            return Err(wrong(
+                format!("it has {found} and this program reads version {VERSION}"),
+                "use the program that made it, or train it anew",
+            ));
+        }
+        let head: Head = serde_json::from_str(text)
+            .map_err(|error| wrong(format!("its description is damaged ({error})"), "train it anew"))?;
+        let network = Network::parse(name, &head.network)
+            .map_err(|error| wrong(format!("its network is damaged ({error})"), "train it anew"))?;
+        if let Some(fault) = head.input.fault(network.input()) {
+            return Err(wrong(
+                format!("its input does not fit ({fault})"),
+                "train it anew",
+            ));
+        }
+        if head.outputs.len() != network.output_len() {
+            return Err(wrong(
+                format!(
+                    "it describes {} outputs of {}",
+                    head.outputs.len(),
+                    network.output_len()
+                ),
+                "train it anew",
+            ));
+        }
+        let weights = read_weights(&network, &header, data)
+            .map_err(|found| wrong(found, "copy it again, or train it anew"))?;
+        Ok(Self {
+            network,
+            weights,
+            input: head.input,
+            outputs: head.outputs,
+            provenance: head.provenance,
+        })
+    }
+
+    /// Whether a vehicle's camera sees the floor as the one that the model was trained with.
+    ///
+    /// # Errors
+    /// Every difference by name: height, place, tilt, turn, lens, shape of the picture.
+    pub fn check_camera(&self, camera: &Camera) -> Result<(), CameraMismatch> {
+        let Some(trained) = &self.input.camera else {
+            return Ok(());
+        };
+        let differences = differences(trained, camera);
+        if differences.is_empty() {
+            return Ok(());
+        }
+        Err(CameraMismatch {
+            differences: differences.join(", "),
+        })
+    }
+}
+
+fn read_weights(network: &Network, header: &Map<String, Value>, data: &[u8]) -> Result<Weights, String> {
+    let mut values = vec![0f32; network.parameter_count()];
+    for tensor in network.tensors() {
+        let entry = header
+            .get(&tensor.name)
+            .ok_or_else(|| format!("{} is missing", tensor.name))?;
+        let numbers = |key: &str| -> Option<Vec<usize>> {
+            entry
+                .get(key)?
+                .as_array()?
+                .iter()
+                .map(|n| usize::try_from(n.as_u64()?).ok())
+                .collect()
+        };
+        if entry.get("dtype").and_then(Value::as_str) != Some("F32")
+            || numbers("shape") != Some(tensor.shape.clone())
+        {
+            return Err(format!(
+                "{} has another type or shape than the network",
+                tensor.name
+            ));
+        }
+        let block = match numbers("data_offsets").as_deref() {
+            Some([from, to]) if to.checked_sub(*from) == Some(4 * tensor.len()) => data.get(*from..*to),
+            _ => return Err(format!("{} has a wrong place", tensor.name)),
+        };
+        let block = block.ok_or("it is cut short: weights are missing at its end".to_owned())?;
+        for (value, bytes) in values[tensor.range()].iter_mut().zip(block.chunks_exact(4)) {
+            *value = f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+        }
+    }
+    if values.iter().any(|value| !value.is_finite()) {
+        return Err("it has weights that are no numbers".to_owned());
+    }
+    Ok(Weights { values })
+}
+
+/// Tolerances (guesses, about what a careful remounting keeps): a tenth of the height, 3 cm of place, 3° of direction,
+/// a tenth of the view angle, 3 % of the picture's shape.
+fn differences(trained: &Camera, own: &Camera) -> Vec<String> {
+    let mut found = Vec::new();
+    let (a, b) = (&trained.mounting, &own.mounting);
+    if (a.z_m - b.z_m).abs() > 0.1 * a.z_m.abs() + 0.002 {
+        found.push(format!("height {:.3} m then, {:.3} m now", a.z_m, b.z_m));
+    }
+    for (name, then, now) in [("ahead", a.x_m, b.x_m), ("to the left", a.y_m, b.y_m)] {
+        if (then - now).abs() > 0.03_f64.max(0.1 * a.z_m) {
+            found.push(format!("{name} {then:.3} m then, {now:.3} m now"));
+        }
+    }
+    for (name, then, now) in [
+        ("tilt", a.tilt_rad, b.tilt_rad),
+        ("turned", a.yaw_rad, b.yaw_rad),
+        ("rolled", a.roll_rad, b.roll_rad),
+    ] {
+        if (then - now).abs() > 3f64.to_radians() {
+            found.push(format!(
+                "{name} {:.1}° then, {:.1}° now",
+                then.to_degrees(),
+                now.to_degrees()
+            ));
+        }
+    }
+    let shape = |camera: &Camera| f64::from(camera.width_px) / f64::from(camera.height_px.max(1));
+    if (shape(trained) / shape(own) - 1.0).abs() > 0.03 {
+        found.push(format!(
+            "pictures of {}x{} then, {}x{} now",
+            trained.width_px, trained.height_px, own.width_px, own.height_px
+        ));
+    }
+    let (then, now) = (half_view(trained), half_view(own));
+    if (then / now - 1.0).abs() > 0.1 {
+        found.push(format!(
+            "view {:.0}° then, {:.0}° now (middle half of the picture)",
+            then.to_degrees(),
+            now.to_degrees()
+        ));
+    }
+    found
+}
+
+/// Angle (rad) between the rays through a quarter and three quarters of the picture's width, halfway down.
+fn half_view(camera: &Camera) -> f64 {
+    let ray = |part: f64| -> Vec3 {
+        let pixel = Vec2::new(
+            part * f64::from(camera.width_px),
+            0.5 * f64::from(camera.height_px),
+        );
+        camera.lens.ray(pixel).normalize_or_zero()
+    };
+    let cos = ray(0.25).dot(ray(0.75)).clamp(-1.0, 1.0);
+    senda_geom::trig::acos(cos)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use senda_geom::{Lens, Mounting};
+
+    fn camera() -> Camera {
+        Camera {
+            name: "center".into(),
+            width_px: 160,
+            height_px: 120,
+            lens: Lens::pinhole(160, 120, 1.0, 0.8),
+            mounting: Mounting {
+                x_m: 0.1,
+                y_m: 0.0,
+                z_m: 0.2,
+                yaw_rad: 0.0,
+                tilt_rad: 0.5,
+                roll_rad: 0.0,
+            },
+        }
+    }
+
+    fn model() -> Model {
+        let network = Network::named("tinypilotnet").unwrap();
+        Model {
+            weights: Weights::random(&network, 7),
+            input: InputSpec {
+                camera: Some(camera()),
+                ..InputSpec::of(network.input())
+            },
+            outputs: vec![OutputSpec {
+                name: "steering".into(),
+                unit: "part of full lock".into(),
+            }],
+            provenance: Provenance {
+                seed: 7,
+                worlds: vec!["oval".into()],
+                ..Provenance::default()
+            },
+            network,
+        }
+    }
+
+    #[test]
+    fn what_is_saved_is_loaded() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.senda");
+        model().save(&path).unwrap();
+        assert_eq!(Model::load(&path).unwrap(), model());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_cut_or_damaged_file_is_refused_with_words() {
+        let whole = model().to_bytes();
+        for length in (0..whole.len()).step_by(13) {
+            let error = Model::from_bytes("m", &whole[..length]).unwrap_err().to_string();
+            assert!(error.starts_with("m: expected a model file"), "{error}");
+        }
+        for (damaged, word) in [
+            (b"not a model at all, but some text".to_vec(), "begin"),
+            (whole.iter().map(|byte| byte ^ 0x55).collect(), "begin"),
+            (
+                replaced(&whole, "\\\"version\\\":1", "\\\"version\\\":9"),
+                "version 9",
+            ),
+            (replaced(&whole, "senda\":\"", "sendb\":\""), "import"),
+        ] {
+            let error = Model::from_bytes("m", &damaged).unwrap_err().to_string();
+            assert!(error.contains(word), "{error}");
+        }
+        let mut no_number = whole.clone();
+        let end = no_number.len();
+        no_number[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
+        assert!(
+            Model::from_bytes("m", &no_number)
+                .unwrap_err()
+                .to_string()
+                .contains("no numbers")
+        );
+    }
+
+    fn replaced(bytes: &[u8], from: &str, to: &str) -> Vec<u8> {
+        let at = bytes
+            .windows(from.len())
+            .position(|window| window == from.as_bytes())
+            .unwrap();
+        let mut out = bytes.to_vec();
+        out[at..at + to.len()].copy_from_slice(to.as_bytes());
+        out
+    }
+
+    #[test]
+    fn another_camera_is_named() {
+        let model = model();
+        assert_eq!(model.check_camera(&camera()), Ok(()));
+        assert_eq!(model.check_camera(&camera().resized(320, 240)), Ok(()));
+        let mut other = camera();
+        other.mounting.tilt_rad = 0.7;
+        other.lens = Lens::equidistant(160, 120, 2.1);
+        let text = model.check_camera(&other).unwrap_err().to_string();
+        assert!(
+            text.contains("tilt 28.6° then, 40.1° now") && text.contains("view"),
+            "{text}"
+        );
+        assert!(!text.contains("height"), "{text}");
+    }
+}
