@@ -19,7 +19,7 @@ pub struct Backdrop {
 
 /// The room in coarse cells with its true brightness.
 #[derive(Debug, Clone)]
-pub(super) struct Mirror(Vec<[f32; 3]>);
+pub(super) struct Mirror(Vec<[f32; 4]>);
 
 /// How the room looks.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -148,7 +148,8 @@ impl Mirror {
                         sum = [0, 1, 2].map(|c| sum[c] + light[c] / (SAMPLES * SAMPLES) as f64);
                     }
                 }
-                sum.map(|value| value as f32)
+                let [r, g, b] = sum.map(|value| value as f32);
+                [r, g, b, 0.0]
             }));
         }
         Self(cells)
@@ -167,9 +168,9 @@ impl Mirror {
         (azimuth_rad.rem_euclid(turn) / turn * MIRROR_COLUMNS as f64) as f32
     }
 
-    /// Light from a direction: the sum of two [`Mirror::column`]s and a row from [`Mirror::row`].
+    /// Light (R, G, B, 0) from a direction: the sum of two [`Mirror::column`]s and a row from [`Mirror::row`].
     #[inline]
-    pub(super) fn light(&self, column: f32, (row, part): (usize, f32)) -> [f32; 3] {
+    pub(super) fn light(&self, column: f32, (row, part): (usize, f32)) -> [f32; 4] {
         const TURN: f32 = MIRROR_COLUMNS as f32;
         let column = if column >= TURN { column - TURN } else { column };
         let column = column.clamp(0.0, TURN - 0.001);
@@ -178,8 +179,8 @@ impl Mirror {
         let at = row * (MIRROR_COLUMNS + 1) + left;
         let below = &self.0[at..at + 2];
         let above = &self.0[at + MIRROR_COLUMNS + 1..][..2];
-        let mut light = [0.0; 3];
-        for c in 0..3 {
+        let mut light = [0.0; 4];
+        for c in 0..4 {
             let low = below[0][c] + (below[1][c] - below[0][c]) * across;
             let high = above[0][c] + (above[1][c] - above[0][c]) * across;
             light[c] = low + (high - low) * part;

@@ -2,7 +2,7 @@
 //! grid of one node every eight pixels.
 
 use super::backdrop::Mirror;
-use super::kernel::{GAIN_ONE, GLOW_ONE, GROUP, LightNode, middle};
+use super::kernel::{GAIN_ONE, GLOW_ONE, GROUP, Kernel, LightNode, Surface, middle};
 use senda_geom::{Camera, Pose2, Vec2, trig};
 
 /// Reflectance of a polished dielectric seen from straight above (refractive index 1.5).
@@ -29,6 +29,9 @@ pub struct MirroredLamp {
 pub(super) struct LightGrid {
     columns: usize,
     nodes: Vec<Node>,
+    surfaces: Vec<Surface>,
+    /// Light that arrives from the mirrored direction, R, G, B, 0.
+    mirrored: Vec<[f32; 4]>,
     /// Squared spread of mirror images, at least as wide as the grid can show.
     spread_squared: f32,
     /// Gains and reflected light of the present frame, row by row.
@@ -43,13 +46,9 @@ struct Node {
     floor: [f32; 2],
     /// Unit direction of the mirrored ray; upwards.
     mirrored: [f32; 3],
-    /// Share of light that polish reflects at this angle (Schlick 1994).
-    fresnel: f32,
     /// Azimuth in cells of the mirror, and its row there.
     column: f32,
     row: (usize, f32),
-    /// Square root of the light that vignetting leaves.
-    vignette: f32,
 }
 
 impl LightGrid {
@@ -59,6 +58,7 @@ impl LightGrid {
         let turn = camera.mounting.vehicle_from_camera();
         let centre = Vec2::new(f64::from(camera.width_px), f64::from(camera.height_px)) * 0.5;
         let mut nodes = Vec::with_capacity(columns * rows);
+        let mut surfaces = Vec::with_capacity(columns * rows);
         for j in 0..rows {
             for i in 0..columns {
                 let pixel = Vec2::new((i * GROUP) as f64, (j * GROUP) as f64);
@@ -77,9 +77,11 @@ impl LightGrid {
                         (camera.mounting.y_m + reach * ray.y) as f32,
                     ],
                     mirrored: [ray.x as f32, ray.y as f32, fall as f32],
-                    fresnel: (HEAD_ON + (1.0 - HEAD_ON) * flat * flat * flat * flat * flat) as f32,
                     column: Mirror::column(azimuth),
                     row: Mirror::row(trig::asin(fall.min(1.0))),
+                });
+                surfaces.push(Surface {
+                    fresnel: (HEAD_ON + (1.0 - HEAD_ON) * flat * flat * flat * flat * flat) as f32,
                     vignette: vignette.sqrt() as f32,
                 });
             }
@@ -88,8 +90,10 @@ impl LightGrid {
         Self {
             columns,
             lights: vec![[0; 8]; nodes.len()],
+            mirrored: vec![[0.0; 4]; nodes.len()],
             glows: false,
             nodes,
+            surfaces,
             spread_squared: (spread * spread) as f32,
         }
     }
@@ -104,58 +108,56 @@ impl LightGrid {
     /// Exposes: `gain` is the factor on light for R, G, B. Without a mirror nothing is reflected.
     pub(super) fn expose(
         &mut self,
+        kernel: Kernel,
         gain: [f64; 3],
         world_from_vehicle: Pose2,
         lamps: &[MirroredLamp],
         mirror: Option<&Mirror>,
     ) {
         let encoded = gain.map(|value| value.max(0.0).sqrt());
-        let scale = encoded.map(|value| (value * GAIN_ONE) as f32);
-        for (out, node) in self.lights.iter_mut().zip(&self.nodes) {
-            *out = [0; 8];
-            for c in 0..3 {
-                out[c] = limited(scale[c] * node.vignette);
-            }
-        }
+        let gain = four(encoded.map(|value| (value * GAIN_ONE) as f32));
+        let glow = four(encoded.map(|value| (value * 255.0 * GLOW_ONE) as f32));
         self.glows = mirror.is_some();
-        let Some(mirror) = mirror else {
-            return;
-        };
-        let scale = encoded.map(|value| (value * 255.0 * GLOW_ONE) as f32);
-        let turned = Mirror::column(world_from_vehicle.heading_rad);
-        let vehicle_from_world = world_from_vehicle.inverse();
-        /// More lamps than this do not shine in the floor.
-        const MOST: usize = 8;
-        let mut near = [Lamp::default(); MOST];
-        let count = lamps.len().min(MOST);
-        for (out, lamp) in near.iter_mut().zip(lamps) {
-            let at = vehicle_from_world.transform(lamp.position);
-            *out = Lamp {
-                at: [at.x as f32, at.y as f32, lamp.height_m as f32],
-                radius_squared: (lamp.radius_m * lamp.radius_m) as f32,
-                radiance: lamp.radiance.map(|value| value as f32),
-            };
-        }
-        for (out, node) in self.lights.iter_mut().zip(&self.nodes) {
-            let mut light = mirror.light(node.column + turned, node.row);
-            for lamp in &near[..count] {
-                let shine = lamp.shine(node, self.spread_squared);
-                for (light, radiance) in light.iter_mut().zip(lamp.radiance) {
-                    *light += radiance * shine;
+        if let Some(mirror) = mirror {
+            let turned = Mirror::column(world_from_vehicle.heading_rad);
+            for (out, node) in self.mirrored.iter_mut().zip(&self.nodes) {
+                *out = mirror.light(node.column + turned, node.row);
+            }
+            let vehicle_from_world = world_from_vehicle.inverse();
+            for lamp in &lamps[..lamps.len().min(MOST_LAMPS)] {
+                let at = vehicle_from_world.transform(lamp.position);
+                let lamp = Lamp {
+                    at: [at.x as f32, at.y as f32, lamp.height_m as f32],
+                    radius_squared: (lamp.radius_m * lamp.radius_m) as f32,
+                    radiance: four(lamp.radiance.map(|value| value as f32)),
+                };
+                for (light, node) in self.mirrored.iter_mut().zip(&self.nodes) {
+                    let shine = lamp.shine(node, self.spread_squared);
+                    for c in 0..4 {
+                        light[c] += lamp.radiance[c] * shine;
+                    }
                 }
             }
-            for c in 0..3 {
-                out[c + 4] = limited(scale[c] * (node.fresnel * light[c]).sqrt() * node.vignette);
-            }
+        } else {
+            self.mirrored.fill([0.0; 4]);
         }
+        kernel.expose(&self.surfaces, &self.mirrored, gain, glow, &mut self.lights);
     }
+}
+
+/// More lamps than this do not shine in the floor.
+const MOST_LAMPS: usize = 8;
+
+/// Three channels and 0: all four are worked on at once.
+fn four([r, g, b]: [f32; 3]) -> [f32; 4] {
+    [r, g, b, 0.0]
 }
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Lamp {
     at: [f32; 3],
     radius_squared: f32,
-    radiance: [f32; 3],
+    radiance: [f32; 4],
 }
 
 impl Lamp {
@@ -173,9 +175,4 @@ impl Lamp {
         let ratio = aside / wide;
         self.radius_squared / (wide * (1.0 + ratio * ratio))
     }
-}
-
-/// Into what the pixel loops take.
-fn limited(value: f32) -> i16 {
-    value.clamp(0.0, 32_767.0) as i16
 }

@@ -167,6 +167,7 @@ impl Renderer {
         );
         image.reshape(self.table.width, self.table.height, Channels::Rgb);
         self.light.expose(
+            self.kernel,
             shot.gain,
             shot.world_from_vehicle,
             scene.lamps(),

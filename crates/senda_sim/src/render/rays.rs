@@ -1,7 +1,7 @@
 //! What every pixel of a camera looks at, computed once: floor points, backdrop directions, levels of detail.
 
 use super::backdrop::Backdrop;
-use super::kernel::{GROUP, Group, LEVELS, STEPS_PER_TEXEL};
+use super::kernel::{GROUP, Group, LEVELS, SLOTS, STEPS_PER_TEXEL};
 use senda_geom::{Camera, Vec2, Vec3, angle, trig};
 
 /// Rays flatter than this (vertical part of the unit direction) meet the floor no nearer than 2,000 camera heights.
@@ -101,8 +101,8 @@ impl RayTable {
                 finest = finest.min(detail.short);
                 let scale = STEPS_PER_TEXEL / f64::from(1u32 << detail.level);
                 floor.push(Group {
-                    x: points.map(|p| (p.x * scale) as f32),
-                    y: points.map(|p| (p.y * scale) as f32),
+                    x: SLOTS.map(|k| (points[k].x * scale) as f32),
+                    y: SLOTS.map(|k| (points[k].y * scale) as f32),
                     spread: [(detail.major.x * scale) as f32, (detail.major.y * scale) as f32],
                     level: detail.level,
                     looks_log2: detail.looks_log2,
@@ -218,11 +218,12 @@ fn backdrop_group(rays: [Vec3; GROUP]) -> Group {
     let scale = Backdrop::TEXELS_PER_RAD * STEPS_PER_TEXEL;
     Group {
         // Continuous over the seam behind the vehicle.
-        x: rays.map(|ray| {
+        x: SLOTS.map(|k| {
+            let ray = rays[k];
             let azimuth = first + angle::difference(trig::atan2(ray.y, ray.x), first);
             (azimuth * scale) as f32
         }),
-        y: rays.map(|ray| (trig::asin(ray.z.clamp(-1.0, 1.0)) * scale) as f32),
+        y: SLOTS.map(|k| (trig::asin(rays[k].z.clamp(-1.0, 1.0)) * scale) as f32),
         spread: [0.0; 2],
         level: 0,
         looks_log2: 0,

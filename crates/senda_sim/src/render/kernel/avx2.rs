@@ -1,9 +1,39 @@
 //! The pixel loops with 256-bit vectors. Every step mirrors `portable.rs`, bit for bit; tests compare them.
 
 use super::{
-    Colours, GROUP, Group, LevelLayout, LightNode, Look, Looks, STRIP, Shading, Texel, Texels, middle,
+    Colours, GROUP, Group, LevelLayout, LightNode, Look, Looks, MOST_LOOKS_LOG2, STRIP, Shading, Surface,
+    Texel, Texels, middle,
 };
 use std::arch::x86_64::*;
+use std::mem::MaybeUninit;
+
+/// Looks whose places are found before the first of them reads its texels: finding them first, the processor waits for
+/// many texels at once instead of for one group's after the other's.
+const AHEAD: usize = 32;
+
+const _: () = assert!(
+    AHEAD >= 1 << MOST_LOOKS_LOG2,
+    "a group's looks are found together"
+);
+
+/// Where one look of eight pixels reads, and how it weighs what it reads.
+#[derive(Clone, Copy)]
+struct Place {
+    /// Indices of the left upper texels.
+    at: Indices,
+    /// Weights of the left and the right texel (bytes), twice.
+    weights_x: __m256i,
+    /// Weights of the upper and the lower texel (16 bits).
+    weights_y: __m256i,
+}
+
+/// Indices of the texels of eight pixels.
+#[derive(Clone, Copy)]
+#[repr(C, align(32))]
+struct Indices([u32; GROUP]);
+
+/// Room for them.
+type Places = [MaybeUninit<Place>; AHEAD];
 
 /// # Safety
 /// The processor has AVX2.
@@ -15,69 +45,125 @@ pub(super) unsafe fn sample(
     groups: &[Group],
     out: &mut [Colours],
 ) {
+    let mut places: Places = [const { MaybeUninit::uninit() }; AHEAD];
+    if looks_log2 == 0 && groups.iter().all(|group| group.looks_log2 == 0) {
+        for (groups, out) in groups.chunks(AHEAD).zip(out.chunks_mut(AHEAD)) {
+            sample_once(texels, &looks[0], &mut places, groups, out);
+        }
+        return;
+    }
+    let (mut groups, mut out) = (groups, &mut out[..groups.len()]);
+    while !groups.is_empty() {
+        let (mut ahead, mut looks_ahead) = (0, 0);
+        for group in groups {
+            let count = 1 << looks_log2.max(group.looks_log2);
+            if looks_ahead + count > AHEAD {
+                break;
+            }
+            (ahead, looks_ahead) = (ahead + 1, looks_ahead + count);
+        }
+        let (now, later) = groups.split_at(ahead);
+        let (out_now, out_later) = out.split_at_mut(ahead);
+        sample_often(texels, looks, looks_log2, &mut places, now, out_now);
+        (groups, out) = (later, out_later);
+    }
+}
+
+/// For groups with one look a pixel, at most [`AHEAD`].
+#[target_feature(enable = "avx2")]
+#[inline]
+fn sample_once(texels: Texels<'_>, look: &Look, places: &mut Places, groups: &[Group], out: &mut [Colours]) {
+    for (group, place) in groups.iter().zip(places.iter_mut()) {
+        let layout = &texels.layouts[group.level as usize];
+        let (x, y) = positions(group);
+        place.write(find(layout, look, look.origin[group.level as usize], x, y));
+    }
+    for (place, out) in found(places, groups.len()).iter().zip(out) {
+        let [a, b, c, d] = look_up(texels.texels, place);
+        let (a, b) = (_mm256_srai_epi32::<7>(a), _mm256_srai_epi32::<7>(b));
+        let (c, d) = (_mm256_srai_epi32::<7>(c), _mm256_srai_epi32::<7>(d));
+        store(_mm256_packs_epi32(a, b), _mm256_packs_epi32(c, d), out);
+    }
+}
+
+/// For groups with 2^`looks_log2` looks a pixel or more, at most [`AHEAD`] together.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn sample_often(
+    texels: Texels<'_>,
+    looks: &Looks,
+    looks_log2: u32,
+    places: &mut Places,
+    groups: &[Group],
+    out: &mut [Colours],
+) {
+    let mut taken = 0;
+    for group in groups {
+        let count = 1usize << looks_log2.max(group.looks_log2);
+        let layout = &texels.layouts[group.level as usize];
+        let (x, y) = positions(group);
+        let (spread_x, spread_y) = (_mm256_set1_ps(group.spread[0]), _mm256_set1_ps(group.spread[1]));
+        for (place, look) in places[taken..taken + count].iter_mut().zip(&looks[count - 1..]) {
+            let part = _mm256_set1_ps(look.part);
+            let x = _mm256_add_ps(x, _mm256_mul_ps(spread_x, part));
+            let y = _mm256_add_ps(y, _mm256_mul_ps(spread_y, part));
+            place.write(find(layout, look, look.origin[group.level as usize], x, y));
+        }
+        taken += count;
+    }
+    let mut rest = found(places, taken);
     for (group, out) in groups.iter().zip(out) {
         let log2 = looks_log2.max(group.looks_log2);
-        let layout = &texels.layouts[group.level as usize];
-        // SAFETY: `Group` is aligned to 32 bytes, its first two fields are eight floats each.
-        let (xs, ys) = unsafe { (_mm256_load_ps(group.x.as_ptr()), _mm256_load_ps(group.y.as_ptr())) };
-        let sums = if log2 == 0 {
-            let look = &looks[0];
-            look_up(
-                texels.texels,
-                layout,
-                look,
-                look.origin[group.level as usize],
-                xs,
-                ys,
-            )
-        } else {
-            let count = 1usize << log2;
-            let (spread_x, spread_y) = (_mm256_set1_ps(group.spread[0]), _mm256_set1_ps(group.spread[1]));
-            let mut sums = [_mm256_setzero_si256(); 4];
-            for look in &looks[count - 1..2 * count - 1] {
-                let part = _mm256_set1_ps(look.part);
-                let x = _mm256_add_ps(xs, _mm256_mul_ps(spread_x, part));
-                let y = _mm256_add_ps(ys, _mm256_mul_ps(spread_y, part));
-                let more = look_up(
-                    texels.texels,
-                    layout,
-                    look,
-                    look.origin[group.level as usize],
-                    x,
-                    y,
-                );
-                for k in 0..4 {
-                    sums[k] = _mm256_add_epi32(sums[k], more[k]);
-                }
+        let (mine, others) = rest.split_at(1 << log2);
+        rest = others;
+        let mut sums = look_up(texels.texels, &mine[0]);
+        for place in &mine[1..] {
+            let more = look_up(texels.texels, place);
+            for k in 0..4 {
+                sums[k] = _mm256_add_epi32(sums[k], more[k]);
             }
-            sums
-        };
+        }
         let shift = _mm_cvtsi32_si128(7 + log2 as i32);
         // Spelled out: closures handed to library functions would not be compiled for AVX2.
         let (a, b) = (_mm256_sra_epi32(sums[0], shift), _mm256_sra_epi32(sums[1], shift));
         let (c, d) = (_mm256_sra_epi32(sums[2], shift), _mm256_sra_epi32(sums[3], shift));
-        let (ab, cd) = (_mm256_packs_epi32(a, b), _mm256_packs_epi32(c, d));
-        let first = _mm256_permute2x128_si256::<0x20>(ab, cd);
-        let last = _mm256_permute2x128_si256::<0x31>(ab, cd);
-        // SAFETY: `Colours` is 32 integers of 16 bits.
-        unsafe {
-            _mm256_storeu_si256(out.as_mut_ptr().cast(), first);
-            _mm256_storeu_si256(out.as_mut_ptr().add(16).cast(), last);
-        }
+        store(_mm256_packs_epi32(a, b), _mm256_packs_epi32(c, d), out);
     }
 }
 
-/// One bilinear look of eight pixels: R, G, B, gloss times 127 · 128 of pixels 0 and 4, 1 and 5, 2 and 6, 3 and 7.
+/// Where the pixels of a group look, in the order of [`SLOTS`].
 #[target_feature(enable = "avx2")]
 #[inline]
-fn look_up(
-    texels: &[Texel],
-    layout: &LevelLayout,
-    look: &Look,
-    origin: [f32; 2],
-    x: __m256,
-    y: __m256,
-) -> [__m256i; 4] {
+fn positions(group: &Group) -> (__m256, __m256) {
+    // SAFETY: `Group` is aligned to 32 bytes, its first two fields are eight floats each.
+    unsafe { (_mm256_load_ps(group.x.as_ptr()), _mm256_load_ps(group.y.as_ptr())) }
+}
+
+/// The first places, which have been written.
+#[inline]
+fn found(places: &Places, count: usize) -> &[Place] {
+    // Kept from being merged with the loop that wrote them, and read from memory: that is quicker than taking vectors
+    // apart, which the compiler would do.
+    let places = &std::hint::black_box(places)[..count];
+    // SAFETY: the callers wrote the first `count`.
+    unsafe { &*(std::ptr::from_ref(places) as *const [Place]) }
+}
+
+/// Writes a group's colours.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn store(first: __m256i, last: __m256i, out: &mut Colours) {
+    // SAFETY: `Colours` is 32 integers of 16 bits.
+    unsafe {
+        _mm256_storeu_si256(out.as_mut_ptr().cast(), first);
+        _mm256_storeu_si256(out.as_mut_ptr().add(16).cast(), last);
+    }
+}
+
+/// Finds where a look of eight pixels reads.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn find(layout: &LevelLayout, look: &Look, origin: [f32; 2], x: __m256, y: __m256) -> Place {
     let low7 = _mm256_set1_epi32(127);
     let (cos, sin) = (_mm256_set1_ps(look.cos), _mm256_set1_ps(look.sin));
     let x_turned = _mm256_sub_ps(_mm256_mul_ps(cos, x), _mm256_mul_ps(sin, y));
@@ -112,8 +198,19 @@ fn look_up(
     let mut index = Indices([0; GROUP]);
     // SAFETY: eight 32-bit integers, aligned.
     unsafe { _mm256_store_si256(index.0.as_mut_ptr().cast(), at) };
-    // Reading the indices back from memory is quicker than taking a vector apart, which the compiler would do.
-    let index = &std::hint::black_box(&index).0;
+    Place {
+        at: index,
+        weights_x,
+        weights_y,
+    }
+}
+
+/// One bilinear look of eight pixels: R, G, B, gloss times 127 · 128 of pixels 0 and 2, 1 and 3, 4 and 6, 5 and 7
+/// (slots 0 and 4, 1 and 5 ...).
+#[target_feature(enable = "avx2")]
+#[inline]
+fn look_up(texels: &[Texel], place: &Place) -> [__m256i; 4] {
+    let (index, weights_x, weights_y) = (&place.at.0, place.weights_x, place.weights_y);
     // Left texel, the one below it, right texel, the one below it, to a.r b.r c.r d.r, a.g b.g c.g d.g ...
     let interleave = both(&[0, 8, 4, 12, 1, 9, 5, 13, 2, 10, 6, 14, 3, 11, 7, 15]);
     let mut sums = [_mm256_setzero_si256(); 4];
@@ -140,10 +237,6 @@ fn look_up(
     sums
 }
 
-/// Indices of the texels of eight pixels.
-#[repr(C, align(32))]
-struct Indices([u32; GROUP]);
-
 /// The same byte pattern in both halves.
 #[target_feature(enable = "avx2")]
 fn both(p: &[i8; 16]) -> __m256i {
@@ -151,6 +244,35 @@ fn both(p: &[i8; 16]) -> __m256i {
         p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15],
         p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15],
     )
+}
+
+/// # Safety
+/// The processor has AVX2.
+#[target_feature(enable = "avx2")]
+pub(super) unsafe fn expose(
+    surfaces: &[Surface],
+    mirrored: &[[f32; 4]],
+    gain: [f32; 4],
+    glow: [f32; 4],
+    out: &mut [LightNode],
+) {
+    let [r, g, b, a] = gain;
+    let gain = _mm_setr_ps(r, g, b, a);
+    let [r, g, b, a] = glow;
+    let glow = _mm_setr_ps(r, g, b, a);
+    let (black, most) = (_mm_setzero_ps(), _mm_set1_ps(32_767.0));
+    for ((out, surface), mirrored) in out.iter_mut().zip(surfaces).zip(mirrored) {
+        // SAFETY: four floats.
+        let mirrored = unsafe { _mm_loadu_ps(mirrored.as_ptr()) };
+        let vignette = _mm_set1_ps(surface.vignette);
+        let reflected = _mm_sqrt_ps(_mm_mul_ps(_mm_set1_ps(surface.fresnel), mirrored));
+        let gain = _mm_mul_ps(gain, vignette);
+        let glow = _mm_mul_ps(_mm_mul_ps(glow, reflected), vignette);
+        let gain = _mm_cvttps_epi32(_mm_min_ps(_mm_max_ps(gain, black), most));
+        let glow = _mm_cvttps_epi32(_mm_min_ps(_mm_max_ps(glow, black), most));
+        // SAFETY: eight integers of 16 bits.
+        unsafe { _mm_storeu_si128(out.as_mut_ptr().cast(), _mm_packs_epi32(gain, glow)) };
+    }
 }
 
 /// # Safety

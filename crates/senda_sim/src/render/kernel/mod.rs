@@ -27,7 +27,11 @@ pub(super) const GAIN_ONE: f64 = 16.0 * 65536.0 / 127.0;
 /// Weight of one grey level of reflected light at full gloss.
 pub(super) const GLOW_ONE: f64 = 16.0 * 65536.0 / (127.0 * 255.0);
 
-/// Where eight neighbouring pixels look on a plane, in texels of their level times [`STEPS_PER_TEXEL`].
+/// Which pixel of its group stands where in [`Group`]: so ordered, vectors of two halves come out in the picture's order.
+pub(super) const SLOTS: [usize; GROUP] = [0, 1, 4, 5, 2, 3, 6, 7];
+
+/// Where eight neighbouring pixels look on a plane, in texels of their level times [`STEPS_PER_TEXEL`], in the order
+/// of [`SLOTS`].
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(32))]
 pub(super) struct Group {
@@ -121,6 +125,15 @@ pub(super) type Colours = [i16; 4 * GROUP];
 /// Light at a corner of a group: gain of R, G, B, 0 ([`GAIN_ONE`]), then reflected light of R, G, B, 0 ([`GLOW_ONE`]).
 pub(super) type LightNode = [i16; 8];
 
+/// What a pixel's direction does to light.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Surface {
+    /// Share of light that polish reflects at this angle (Schlick 1994).
+    pub(super) fresnel: f32,
+    /// Square root of the light that vignetting leaves.
+    pub(super) vignette: f32,
+}
+
 /// What [`Kernel::shade`] needs besides colours.
 pub(super) struct Shading<'a> {
     /// Nodes above the row, at the left edge of every group and the right edge of the last.
@@ -188,6 +201,23 @@ impl Kernel {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: `Detected` only exists after the processor said that it has AVX2.
             Self::Avx2(_) => unsafe { avx2::sample(texels, looks, looks_log2, groups, out) },
+        }
+    }
+
+    /// Light at nodes: `gain` and, for light `mirrored` in the floor, `glow` are factors for R, G, B, 0.
+    pub(super) fn expose(
+        self,
+        surfaces: &[Surface],
+        mirrored: &[[f32; 4]],
+        gain: [f32; 4],
+        glow: [f32; 4],
+        out: &mut [LightNode],
+    ) {
+        match self {
+            Self::Portable => portable::expose(surfaces, mirrored, gain, glow, out),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: as above.
+            Self::Avx2(_) => unsafe { avx2::expose(surfaces, mirrored, gain, glow, out) },
         }
     }
 

@@ -1,7 +1,8 @@
 //! The pixel loops in plain Rust. What the AVX2 version must equal.
 
 use super::{
-    Colours, GROUP, Group, LevelLayout, LightNode, Look, Looks, Shading, Texels, middle, rounded_product,
+    Colours, GROUP, Group, LevelLayout, LightNode, Look, Looks, SLOTS, Shading, Surface, Texels, middle,
+    rounded_product,
 };
 
 pub(super) fn sample(
@@ -18,7 +19,7 @@ pub(super) fn sample(
         let mut sums = [0i32; 4 * GROUP];
         for look in &looks[count - 1..2 * count - 1] {
             let (x, y) = positions(group, look, layout);
-            for k in 0..GROUP {
+            for (k, pixel) in SLOTS.into_iter().enumerate() {
                 let (fx, fy) = (x[k] & 127, y[k] & 127);
                 let at = layout.index(x[k] >> 7, y[k] >> 7);
                 let [left, right] = [texels.texels[at], texels.texels[at + 1]];
@@ -27,8 +28,8 @@ pub(super) fn sample(
                 for half in 0..2 {
                     // Two channels of 16 bits become two of 32: the vertical weights add 7 bits.
                     let wide = widen(upper[half]) * u64::from(128 - fy) + widen(lower[half]) * u64::from(fy);
-                    sums[4 * k + half] += wide as u32 as i32;
-                    sums[4 * k + half + 2] += (wide >> 32) as i32;
+                    sums[4 * pixel + half] += wide as u32 as i32;
+                    sums[4 * pixel + half + 2] += (wide >> 32) as i32;
                 }
             }
         }
@@ -71,6 +72,23 @@ fn mix(a: u32, b: u32, part: u32) -> [u32; 2] {
 #[inline(always)]
 fn widen(pair: u32) -> u64 {
     u64::from(pair & 0xffff) | u64::from(pair >> 16) << 32
+}
+
+pub(super) fn expose(
+    surfaces: &[Surface],
+    mirrored: &[[f32; 4]],
+    gain: [f32; 4],
+    glow: [f32; 4],
+    out: &mut [LightNode],
+) {
+    let limited = |value: f32| value.clamp(0.0, 32_767.0) as i16;
+    for ((out, surface), mirrored) in out.iter_mut().zip(surfaces).zip(mirrored) {
+        for c in 0..4 {
+            let glow = glow[c] * (surface.fresnel * mirrored[c]).sqrt();
+            out[c] = limited(gain[c] * surface.vignette);
+            out[c + 4] = limited(glow * surface.vignette);
+        }
+    }
 }
 
 pub(super) fn shade(colours: &[Colours], shading: &Shading<'_>, row: &mut [u8]) {
