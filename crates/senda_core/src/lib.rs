@@ -24,7 +24,9 @@ pub mod command;
 pub mod driver;
 pub mod explanation;
 pub mod image;
+pub mod memory;
 pub mod observation;
+pub mod threads;
 pub mod vehicle;
 
 pub use body::{Body, Steering};

@@ -1,6 +1,8 @@
 //! Textures with levels of detail.
 
 use super::kernel::{LEVELS, LevelLayout, STEPS_PER_TEXEL, STRIDE, STRIP, Texel, Texels};
+use senda_core::memory::prefer_large_pages;
+use senda_core::threads::both;
 
 /// A picture of a plane in halving sizes, each with a border of one colour: looks beyond the edge see that colour.
 #[derive(Debug, Clone)]
@@ -27,29 +29,60 @@ impl MipTexture {
         let pack = |[r, g, b, a]: [u8; 4]| u32::from_le_bytes([r, g, b, gloss[usize::from(a)]]);
         let outside = pack(outside);
         let sizes = sizes(width, height);
-        let total: usize = sizes.iter().map(|&(w, h)| strips(w) * strip(h)).sum();
-        let mut all: Vec<Texel> = vec![0; total];
         let mut layouts = [LevelLayout::default(); LEVELS];
-        let mut rest = &mut all[..];
         let mut base = 0;
-        let mut here: Vec<u32> = texels.iter().map(|texel| pack(*texel)).collect();
-        for (level, &(w, h)) in sizes.iter().enumerate() {
-            if level > 0 {
-                let (finer_width, finer_height) = sizes[level - 1];
-                here = halved(&here, finer_width, finer_height, outside);
-            }
+        for (layout, &(w, h)) in layouts.iter_mut().zip(&sizes) {
             let limit = |side: usize| ((padded(side) - 2) as f64 * STEPS_PER_TEXEL + 127.0) as f32;
-            layouts[level] = LevelLayout {
+            *layout = LevelLayout {
                 base: base as u32,
                 strip: strip(h) as u32,
                 limit: [limit(w), limit(h)],
             };
-            let (out, after) = rest.split_at_mut(strips(w) * strip(h));
-            fill_strips(&here, w, h, outside, out);
-            (rest, base) = (after, base + out.len());
+            base += strips(w) * strip(h);
         }
         for level in sizes.len()..LEVELS {
             layouts[level] = layouts[sizes.len() - 1];
+        }
+        let mut all: Vec<Texel> = vec![0; base];
+        prefer_large_pages(&mut all);
+        let finest = Level {
+            width,
+            height,
+            outside,
+            texel: |index: usize| pack(texels[index]),
+        };
+        let (level, coarser) = all.split_at_mut(strips(width) * strip(height));
+        // Half of the finest level's strips, and half of the next level's rows, each.
+        let middle = strips(width) / 2;
+        let (left, right) = level.split_at_mut(middle * strip(height));
+        let (next_width, next_height) = (width.div_ceil(2), height.div_ceil(2));
+        let mut next = vec![0; next_width * next_height];
+        prefer_large_pages(&mut next);
+        let (upper, lower) = next.split_at_mut(next_height / 2 * next_width);
+        both(
+            texels.len(),
+            || {
+                finest.fill_strips(0, left);
+                finest.halve(0, upper);
+            },
+            || {
+                finest.fill_strips(middle, right);
+                finest.halve(next_height / 2, lower);
+            },
+        );
+        let mut rest = coarser;
+        for &(width, height) in &sizes[1..] {
+            let level = Level {
+                width,
+                height,
+                outside,
+                texel: |index: usize| next[index],
+            };
+            let (out, after) = rest.split_at_mut(strips(width) * strip(height));
+            level.fill_strips(0, out);
+            let mut halved = vec![0; width.div_ceil(2) * height.div_ceil(2)];
+            level.halve(0, &mut halved);
+            (next, rest) = (halved, after);
         }
         Self {
             texels: all,
@@ -104,47 +137,71 @@ fn strip(height: usize) -> usize {
     padded(height) * STRIDE
 }
 
-/// Writes a level as strips, with its border.
-fn fill_strips(texels: &[u32], width: usize, height: usize, outside: u32, out: &mut [Texel]) {
-    let wide = strips(width) * STRIP + 1;
-    let (mut here, mut below) = (vec![outside; wide], vec![outside; wide]);
-    let length = strip(height);
-    for y in 0..padded(height) {
-        // Row y of the level and its border; the one below it.
-        match (y + 1).checked_sub(BORDER).filter(|y| *y < height) {
-            Some(y) => below[BORDER..BORDER + width].copy_from_slice(&texels[y * width..(y + 1) * width]),
-            None => below.fill(outside),
-        }
-        for (number, strip) in out.chunks_exact_mut(length).enumerate() {
-            let columns = number * STRIP..number * STRIP + STRIDE;
-            let pairs = here[columns.clone()].iter().zip(&below[columns]);
-            let row = &mut strip[y * STRIDE..(y + 1) * STRIDE];
-            for (out, (upper, lower)) in row.iter_mut().zip(pairs) {
-                *out = Texel::from(*upper) | Texel::from(*lower) << 32;
-            }
-        }
-        std::mem::swap(&mut here, &mut below);
-    }
+/// A level while it is written.
+struct Level<F> {
+    width: usize,
+    height: usize,
+    outside: u32,
+    /// The texel of an index, row by row.
+    texel: F,
 }
 
-/// Half the size, rounded up; what is missing at odd edges is `outside`.
-fn halved(texels: &[u32], width: usize, height: usize, outside: u32) -> Vec<u32> {
-    let mut out = Vec::with_capacity(width.div_ceil(2) * height.div_ceil(2));
-    let missing = vec![outside; width];
-    for y in (0..height).step_by(2) {
-        let upper = &texels[y * width..(y + 1) * width];
-        let lower = if y + 1 < height {
-            &texels[(y + 1) * width..(y + 2) * width]
-        } else {
-            &missing
-        };
-        let pairs = upper.chunks_exact(2).zip(lower.chunks_exact(2));
-        out.extend(pairs.map(|(u, l)| average(u[0], u[1], l[0], l[1])));
-        if width % 2 == 1 {
-            out.push(average(upper[width - 1], outside, lower[width - 1], outside));
+impl<F: Fn(usize) -> u32> Level<F> {
+    /// Writes strips, the first of them number `first`, with their border.
+    fn fill_strips(&self, first: usize, out: &mut [Texel]) {
+        let (width, height) = (self.width, self.height);
+        let length = strip(height);
+        // Columns of the border and the level, from the first strip's first.
+        let from = first * STRIP;
+        let wide = out.len() / length * STRIP + 1;
+        let inside = BORDER.max(from)..(BORDER + width).min(from + wide);
+        let (mut here, mut below) = (vec![self.outside; wide], vec![self.outside; wide]);
+        for y in 0..padded(height) {
+            // Row y of the level and its border; the one below it.
+            match (y + 1).checked_sub(BORDER).filter(|y| *y < height) {
+                Some(y) if !inside.is_empty() => {
+                    let texels = y * width + inside.start - BORDER..;
+                    let columns = &mut below[inside.start - from..inside.end - from];
+                    for (out, index) in columns.iter_mut().zip(texels) {
+                        *out = (self.texel)(index);
+                    }
+                }
+                _ => below.fill(self.outside),
+            }
+            for (number, strip) in out.chunks_exact_mut(length).enumerate() {
+                let columns = number * STRIP..number * STRIP + STRIDE;
+                let pairs = here[columns.clone()].iter().zip(&below[columns]);
+                let row = &mut strip[y * STRIDE..(y + 1) * STRIDE];
+                for (out, (upper, lower)) in row.iter_mut().zip(pairs) {
+                    *out = Texel::from(*upper) | Texel::from(*lower) << 32;
+                }
+            }
+            std::mem::swap(&mut here, &mut below);
         }
     }
-    out
+
+    /// Rows of half the size, rounded up, the first of them number `first`; what is missing at odd edges is outside.
+    fn halve(&self, first: usize, out: &mut [u32]) {
+        let (width, height, outside) = (self.width, self.height, self.outside);
+        let texel = &self.texel;
+        for (row, out) in (first..).zip(out.chunks_exact_mut(width.div_ceil(2))) {
+            let upper = 2 * row * width;
+            let lower = |x: usize| {
+                if 2 * row + 1 < height {
+                    texel(upper + width + x)
+                } else {
+                    outside
+                }
+            };
+            let (pairs, odd) = out.split_at_mut(width / 2);
+            for (x, out) in (0..).step_by(2).zip(pairs) {
+                *out = average(texel(upper + x), texel(upper + x + 1), lower(x), lower(x + 1));
+            }
+            for out in odd {
+                *out = average(texel(upper + width - 1), outside, lower(width - 1), outside);
+            }
+        }
+    }
 }
 
 /// Halving until one texel is left, rounding up.

@@ -9,6 +9,7 @@ type Texel = [u8; 4];
 
 /// Paints the rows of a floor. Texel (i, j) is `origin + (i, j)` of an endless floor, so a larger rectangle of the same
 /// world shows the same floor.
+#[derive(Clone)]
 pub(super) struct Material<'a> {
     floor: &'a Floor,
     metres_per_texel: f64,
@@ -17,6 +18,7 @@ pub(super) struct Material<'a> {
     pattern: Pattern,
 }
 
+#[derive(Clone)]
 enum Pattern {
     /// A finished picture that repeats, every block of it shifted by chance: cut specks are not noticed.
     Picture(Vec<Texel>),

@@ -9,6 +9,8 @@ mod shade;
 
 use crate::world::World;
 use material::Material;
+use senda_core::memory::prefer_large_pages;
+use senda_core::threads::both;
 use senda_geom::Vec2;
 
 /// Most texels of a painting (256 MiB). Worlds that need more are painted more coarsely.
@@ -52,12 +54,29 @@ pub fn paint(world: &World, metres_per_texel: f64) -> FloorPainting {
         texels: vec![[0; 4]; width * height],
         outside: [0; 4],
     };
-    let mut material = Material::new(&world.floor, metres_per_texel);
-    for (j, row) in painting.texels.chunks_exact_mut(width).enumerate() {
-        material.row(row, first_column as i64, first_row as i64 + j as i64);
-    }
+    prefer_large_pages(&mut painting.texels);
+    let (mut material, mut grid) = (None, None);
+    both(
+        width * height,
+        || material = Some(Material::new(&world.floor, metres_per_texel)),
+        || grid = Some(shade::Grid::new(world, &painting)),
+    );
+    let (material, grid) = (material.expect("made above"), grid.expect("made above"));
+    let cover = |mut material: Material, first: usize, texels: &mut [[u8; 4]]| {
+        for (j, row) in (first..).zip(texels.chunks_exact_mut(width)) {
+            material.row(row, first_column as i64, first_row as i64 + j as i64);
+        }
+    };
+    let middle = height / 2;
+    let (upper, lower) = painting.texels.split_at_mut(middle * width);
+    let copy = material.clone();
+    both(
+        width * height,
+        || cover(material, 0, upper),
+        || cover(copy, middle, lower),
+    );
     lines::paint_markings(world, &mut painting);
-    shade::light_up(world, &mut painting);
+    shade::light_up(&grid, &mut painting);
     painting
 }
 

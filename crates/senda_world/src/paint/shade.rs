@@ -6,6 +6,7 @@ use crate::floor::FloorKind;
 use crate::light::Light;
 use crate::thing::Thing;
 use crate::world::World;
+use senda_core::threads::both;
 use senda_geom::{Vec2, trig};
 
 /// Grid points stand this far apart (m) unless the floor is very large.
@@ -17,7 +18,8 @@ const GAMMA: f64 = 2.2;
 /// Fixed-point one of a factor.
 const ONE: f32 = 65_535.0;
 
-struct Grid {
+/// The factors of a painting.
+pub(super) struct Grid {
     columns: usize,
     /// Spacing in texels.
     step: f64,
@@ -27,49 +29,112 @@ struct Grid {
 }
 
 /// Multiplies light and unevenness into a painting, and sets its outside colour.
-pub(super) fn light_up(world: &World, painting: &mut FloorPainting) {
-    let grid = grid(world, painting);
-    let width = painting.width;
-    let mut rows = painting.texels.chunks_exact_mut(width);
-    let (mut low, mut high) = (vec![[0.0f32; 4]; width], vec![[0.0f32; 4]; width]);
-    let (mut factors, mut slopes) = (vec![0u16; width * 4], vec![0i16; width * 4]);
-    let (mut row, mut expanded) = (0, usize::MAX);
-    for cell in 0..grid.rows - 1 {
-        let end = (((cell + 1) as f64 * grid.step - 0.5).ceil() as usize).min(painting.height);
-        if row >= end {
-            continue;
-        }
-        // The row above the last cell is the row below this one, unless cells were skipped.
-        if expanded == cell {
-            std::mem::swap(&mut low, &mut high);
-        } else {
-            expand(&grid, cell, &mut low);
-        }
-        expand(&grid, cell + 1, &mut high);
-        expanded = cell + 1;
-        let part = ((row as f64 + 0.5) / grid.step - cell as f64) as f32;
-        let (lows, highs) = (low.as_flattened(), high.as_flattened());
-        for k in 0..width * 4 {
-            let rise = highs[k] - lows[k];
-            factors[k] = (lows[k] + rise * part).clamp(0.0, ONE) as u16;
-            slopes[k] = (rise / grid.step as f32) as i16;
-        }
-        for texels in rows.by_ref().take(end - row) {
-            // 16-bit lanes on purpose: this loop becomes one multiplication for eight channels.
-            for ((byte, factor), slope) in texels
-                .as_flattened_mut()
-                .iter_mut()
-                .zip(&mut factors)
-                .zip(&slopes)
-            {
-                let product = (u32::from(u16::from(*byte) << 8) * u32::from(*factor)) >> 16;
-                *byte = ((product as u16).saturating_add(128) >> 8) as u8;
-                *factor = factor.saturating_add_signed(*slope);
+pub(super) fn light_up(grid: &Grid, painting: &mut FloorPainting) {
+    let (width, height) = (painting.width, painting.height);
+    let middle = grid.rows / 2;
+    let row = grid.first_row(middle, height);
+    let (upper, lower) = painting.texels.split_at_mut(row * width);
+    both(
+        width * height,
+        || grid.light_up(0..middle, width, height, upper),
+        || grid.light_up(middle..grid.rows - 1, width, height, lower),
+    );
+    painting.outside = border_mean(painting);
+}
+
+impl Grid {
+    /// For a painting of this size and place; its texels are not looked at.
+    pub(super) fn new(world: &World, painting: &FloorPainting) -> Self {
+        let texel_m = painting.metres_per_texel;
+        let (width_m, height_m) = (painting.width as f64 * texel_m, painting.height as f64 * texel_m);
+        let spacing_m = GRID_M.max((width_m * height_m / GRID_POINTS).sqrt()).max(texel_m);
+        let step = spacing_m / texel_m;
+        let columns = (painting.width as f64 / step).ceil() as usize + 2;
+        let rows = (painting.height as f64 / step).ceil() as usize + 2;
+        let sun = Sun::new(&world.light, painting, width_m, height_m);
+        let mut light = Vec::with_capacity(columns * rows);
+        let mut brightest = 1e-6f32;
+        for row in 0..rows {
+            for column in 0..columns {
+                let at = painting.origin + Vec2::new(column as f64, row as f64) * spacing_m;
+                let value = light_at(world, &sun, at);
+                brightest = brightest.max(value[0]).max(value[1]).max(value[2]);
+                light.push(value);
             }
         }
-        row = end;
+        let encode = encoding();
+        let seed = fold(world.floor.seed, 9);
+        let (cloud_strength, cloud_m) = unevenness(world);
+        let mut factors = Vec::with_capacity(light.len());
+        for row in 0..rows {
+            for column in 0..columns {
+                let at = (painting.origin + Vec2::new(column as f64, row as f64) * spacing_m) / cloud_m;
+                let cloud = 1.0 - cloud_strength * clouds(at.x, at.y, seed);
+                let value = light[row * columns + column];
+                let factor = |c: usize| {
+                    let index = (value[c] / brightest * (encode.len() - 1) as f32) as usize;
+                    encode[index.min(encode.len() - 1)] * cloud * ONE
+                };
+                factors.push([factor(0), factor(1), factor(2), ONE]);
+            }
+        }
+        Self {
+            columns,
+            rows,
+            step,
+            factors,
+        }
     }
-    painting.outside = border_mean(painting);
+
+    /// The first row of texels of a row of cells, of a painting `height` rows high.
+    fn first_row(&self, cell: usize, height: usize) -> usize {
+        if cell == 0 {
+            return 0;
+        }
+        ((cell as f64 * self.step - 0.5).ceil() as usize).min(height)
+    }
+
+    /// Lights the texels of some rows of cells.
+    fn light_up(&self, cells: std::ops::Range<usize>, width: usize, height: usize, texels: &mut [[u8; 4]]) {
+        let mut rows = texels.chunks_exact_mut(width);
+        let (mut low, mut high) = (vec![[0.0f32; 4]; width], vec![[0.0f32; 4]; width]);
+        let (mut factors, mut slopes) = (vec![0u16; width * 4], vec![0i16; width * 4]);
+        let mut expanded = usize::MAX;
+        for cell in cells {
+            let (row, end) = (self.first_row(cell, height), self.first_row(cell + 1, height));
+            if row >= end {
+                continue;
+            }
+            // The row above the last cell is the row below this one, unless cells were skipped.
+            if expanded == cell {
+                std::mem::swap(&mut low, &mut high);
+            } else {
+                expand(self, cell, &mut low);
+            }
+            expand(self, cell + 1, &mut high);
+            expanded = cell + 1;
+            let part = ((row as f64 + 0.5) / self.step - cell as f64) as f32;
+            let (lows, highs) = (low.as_flattened(), high.as_flattened());
+            for k in 0..width * 4 {
+                let rise = highs[k] - lows[k];
+                factors[k] = (lows[k] + rise * part).clamp(0.0, ONE) as u16;
+                slopes[k] = (rise / self.step as f32) as i16;
+            }
+            for texels in rows.by_ref().take(end - row) {
+                // 16-bit lanes on purpose: this loop becomes one multiplication for eight channels.
+                for ((byte, factor), slope) in texels
+                    .as_flattened_mut()
+                    .iter_mut()
+                    .zip(&mut factors)
+                    .zip(&slopes)
+                {
+                    let product = (u32::from(u16::from(*byte) << 8) * u32::from(*factor)) >> 16;
+                    *byte = ((product as u16).saturating_add(128) >> 8) as u8;
+                    *factor = factor.saturating_add_signed(*slope);
+                }
+            }
+        }
+    }
 }
 
 /// Mean of the painting's outermost texels: what goes on beyond them.
@@ -103,48 +168,6 @@ fn expand(grid: &Grid, row: usize, out: &mut [[f32; 4]]) {
         let part = at - column as f32;
         let (a, b) = (&points[column], &points[column + 1]);
         *value = std::array::from_fn(|c| a[c] + (b[c] - a[c]) * part);
-    }
-}
-
-fn grid(world: &World, painting: &FloorPainting) -> Grid {
-    let texel_m = painting.metres_per_texel;
-    let (width_m, height_m) = (painting.width as f64 * texel_m, painting.height as f64 * texel_m);
-    let spacing_m = GRID_M.max((width_m * height_m / GRID_POINTS).sqrt()).max(texel_m);
-    let step = spacing_m / texel_m;
-    let columns = (painting.width as f64 / step).ceil() as usize + 2;
-    let rows = (painting.height as f64 / step).ceil() as usize + 2;
-    let sun = Sun::new(&world.light, painting, width_m, height_m);
-    let mut light = Vec::with_capacity(columns * rows);
-    let mut brightest = 1e-6f32;
-    for row in 0..rows {
-        for column in 0..columns {
-            let at = painting.origin + Vec2::new(column as f64, row as f64) * spacing_m;
-            let value = light_at(world, &sun, at);
-            brightest = brightest.max(value[0]).max(value[1]).max(value[2]);
-            light.push(value);
-        }
-    }
-    let encode = encoding();
-    let seed = fold(world.floor.seed, 9);
-    let (cloud_strength, cloud_m) = unevenness(world);
-    let mut factors = Vec::with_capacity(light.len());
-    for row in 0..rows {
-        for column in 0..columns {
-            let at = (painting.origin + Vec2::new(column as f64, row as f64) * spacing_m) / cloud_m;
-            let cloud = 1.0 - cloud_strength * clouds(at.x, at.y, seed);
-            let value = light[row * columns + column];
-            let factor = |c: usize| {
-                let index = (value[c] / brightest * (encode.len() - 1) as f32) as usize;
-                encode[index.min(encode.len() - 1)] * cloud * ONE
-            };
-            factors.push([factor(0), factor(1), factor(2), ONE]);
-        }
-    }
-    Grid {
-        columns,
-        rows,
-        step,
-        factors,
     }
 }
 
