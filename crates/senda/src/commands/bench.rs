@@ -1,9 +1,14 @@
 //! `senda bench`: how fast this machine runs senda, against the promised rates.
 
 use crate::terminal;
-use anyhow::Result;
+use anyhow::{Context, Result, ensure};
 use clap::Args;
 use senda_run::bench::{Case, cases};
+use senda_world::World;
+use std::process::{Command, Stdio};
+
+/// Promised time (s) from a process's start to its first step.
+const START_S: f64 = 0.05;
 
 #[derive(Args)]
 pub(crate) struct Arguments {
@@ -21,7 +26,7 @@ pub(crate) struct Arguments {
 /// One measured case.
 #[derive(serde::Serialize)]
 struct Row {
-    name: &'static str,
+    name: String,
     per_s: f64,
     best_per_s: f64,
     target_per_s: Option<f64>,
@@ -61,10 +66,76 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         }
         rows.push(row);
     }
+    start_rows(&arguments, &mut rows)?;
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(&rows)?);
     }
     Ok(())
+}
+
+/// How long `senda drive` takes from the start of its process to the end of a run of one step, in every ready world.
+fn start_rows(arguments: &Arguments, rows: &mut Vec<Row>) -> Result<()> {
+    let wanted = |name: &str| {
+        arguments
+            .only
+            .as_ref()
+            .is_none_or(|only| name.contains(only.as_str()))
+    };
+    let mut headed = arguments.json;
+    for world in World::names() {
+        let name = format!("start to first step, {world}");
+        if terminal::interrupted() || !wanted(&name) {
+            continue;
+        }
+        if !headed {
+            println!(
+                "\nwhole process of `senda drive` with the default vehicle, floor painted anew, one step driven\n\n{:44} {:>12} {:>12} {:>10} {:>7}",
+                "", "ms", "best", "promised", "ratio"
+            );
+            headed = true;
+        }
+        let rounds = ((arguments.seconds / 0.1) as usize).clamp(3, 50);
+        let mut seconds = Vec::with_capacity(rounds);
+        for _ in 0..rounds {
+            seconds.push(start_once(world)?);
+        }
+        seconds.sort_by(f64::total_cmp);
+        let (median, best) = (seconds[rounds / 2], seconds[0]);
+        let row = Row {
+            name,
+            per_s: 1.0 / median,
+            best_per_s: 1.0 / best,
+            target_per_s: Some(1.0 / START_S),
+            ratio: Some(START_S / median),
+        };
+        if !arguments.json {
+            println!(
+                "{:44} {:>12.1} {:>12.1} {:>10.0} {:>7.2}",
+                row.name,
+                median * 1e3,
+                best * 1e3,
+                START_S * 1e3,
+                START_S / median
+            );
+        }
+        rows.push(row);
+    }
+    Ok(())
+}
+
+/// Drives one step in a process of its own, which nothing is warm for but the file of the program.
+fn start_once(world: &str) -> Result<f64> {
+    let program = std::env::current_exe().context("where this program lies")?;
+    let begin = terminal::clock_ns();
+    let status = Command::new(program)
+        .args(["drive", "--world", world, "--time-limit", "0.001"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status()
+        .context("start another senda")?;
+    let took_s = terminal::seconds_since(begin);
+    ensure!(status.success(), "drive --world {world}: {status}");
+    Ok(took_s)
 }
 
 /// Rounds of about 50 ms, after one that is not counted.
@@ -90,7 +161,7 @@ fn measure(case: &mut Case, seconds: f64) -> Row {
     let per_s = rates[rates.len() / 2];
     let target_per_s = (case.target_per_s > 0.0).then_some(case.target_per_s);
     Row {
-        name: case.name,
+        name: case.name.to_owned(),
         per_s,
         best_per_s: rates[rates.len() - 1],
         target_per_s,
