@@ -16,8 +16,9 @@ pub(crate) const RANKS: &[(&str, u8)] = &[
     ("senda_bridge", 3),
     ("senda_run", 4),
     ("senda_web", 4),
-    ("senda", 5),
-    ("senda_py", 5),
+    ("senda_learn", 5),
+    ("senda", 6),
+    ("senda_py", 6),
     // Stands beside the ranks: nothing uses it and it uses none of them.
     ("xtask", 0),
 ];
@@ -60,12 +61,12 @@ pub(crate) const RESERVED: &[Reserved] = &[
     reserved("ctrlc", BINARY, "only the command line handles signals"),
     reserved(
         "miette",
-        &["senda", "senda_world"],
+        &["senda", "senda_world", "senda_nets"],
         "pretty errors are for files that people write",
     ),
     reserved(
         "rayon",
-        &["senda_run", "senda_nets", "senda"],
+        &["senda_run", "senda_nets", "senda_learn", "senda"],
         "threads stay where a fixed order of results is tested",
     ),
     reserved(

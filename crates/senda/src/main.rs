@@ -8,7 +8,7 @@ mod terminal;
 
 use clap::{Parser, Subcommand};
 
-/// Simulate, record, evaluate and drive small camera-guided vehicles.
+/// Simulate, record, train, evaluate and drive small camera-guided vehicles.
 #[derive(Parser)]
 #[command(name = "senda", version, about, long_about = None, arg_required_else_help = false)]
 struct Arguments {
@@ -36,6 +36,14 @@ enum Command {
     Data(commands::data::Arguments),
     /// Run many scenarios and give rates with intervals
     Sweep(commands::sweep::Arguments),
+    /// From nothing to a driving network: the expert drives, a network learns and is corrected
+    Learn(commands::learn::Arguments),
+    /// Train a network on recordings
+    Train(commands::train::Arguments),
+    /// Look into trained networks
+    Model(commands::model::Arguments),
+    /// Show networks as lists of layers
+    Net(commands::net::Arguments),
     /// Measure senda's speed on this machine
     Bench(commands::bench::Arguments),
 }
@@ -57,6 +65,10 @@ fn main() -> std::process::ExitCode {
         Some(Command::Study(arguments)) => commands::study::run(arguments),
         Some(Command::Data(arguments)) => commands::data::run(arguments),
         Some(Command::Sweep(arguments)) => commands::sweep::run(arguments),
+        Some(Command::Learn(arguments)) => commands::learn::run(arguments),
+        Some(Command::Train(arguments)) => commands::train::run(arguments),
+        Some(Command::Model(arguments)) => commands::model::run(arguments),
+        Some(Command::Net(arguments)) => commands::net::run(arguments),
         Some(Command::Bench(arguments)) => commands::bench::run(arguments),
     };
     match result {
@@ -70,7 +82,7 @@ fn main() -> std::process::ExitCode {
 
 fn greet() {
     println!(
-        "senda {} simulates, records, evaluates and drives small camera-guided vehicles.
+        "senda {} simulates, records, trains, evaluates and drives small camera-guided vehicles.
 
   senda tour                                              see it drive: a report in a few seconds
   senda drive --world oval --vehicle gopigo --driver line --report run.html

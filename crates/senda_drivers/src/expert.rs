@@ -77,6 +77,8 @@ pub struct ExpertDriver {
     station_m: Option<f64>,
     last_stamp: Option<Stamp>,
     speed_mps: f64,
+    /// What the vehicle was told last: when, speed (m/s), yaw rate (rad/s).
+    told: Option<(Stamp, f64, f64)>,
     log: Log,
 }
 
@@ -104,8 +106,18 @@ impl ExpertDriver {
             station_m: None,
             last_stamp: None,
             speed_mps: 0.0,
+            told: None,
             log: Log::default(),
         })
+    }
+
+    /// Says that the vehicle was given another command than the last answer: somebody else drives, and the expert only
+    /// says what would be right.
+    pub fn executed(&mut self, command: &Command) {
+        if let Some((_, speed_mps, yaw_rate_radps)) = &mut self.told {
+            *speed_mps = self.body.speed_of(command);
+            *yaw_rate_radps = self.body.yaw_rate_of(command.turn, *speed_mps);
+        }
     }
 
     /// All parameters, for the head of a log (C15).
@@ -149,6 +161,9 @@ impl PrivilegedDriver for ExpertDriver {
             .last_stamp
             .map_or(self.body.period_s, |last| stamp.since_s(last).clamp(0.0, 1.0));
         self.last_stamp = Some(stamp);
+        if let Some((when, speed_mps, yaw_rate_radps)) = self.told.take() {
+            self.models.command(when, speed_mps, yaw_rate_radps);
+        }
         self.models.observe(stamp, truth);
 
         // Where the vehicle will be when this command has taken hold.
@@ -187,7 +202,7 @@ impl PrivilegedDriver for ExpertDriver {
         };
 
         let steer = self.follower.step(state, self.speed_mps, dt_s);
-        self.models.command(stamp, self.speed_mps, steer.yaw_rate_radps);
+        self.told = Some((stamp, self.speed_mps, steer.yaw_rate_radps));
         self.log = Log {
             state,
             desired_angle_rad: steer.desired_angle_rad,

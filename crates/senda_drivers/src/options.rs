@@ -21,6 +21,12 @@ pub enum DriverError {
         /// The camera's name.
         camera: String,
     },
+    /// A model that does not fit the vehicle or the driver.
+    #[error("{reason}")]
+    Model {
+        /// How it does not fit, and what to do.
+        reason: String,
+    },
     /// An option out of its range.
     #[error("option `{key}`: expected a number from {lowest} to {highest}, but found {found}")]
     Range {

@@ -26,4 +26,4 @@ pub use input::{Colour, Crop, InputSpec, Preparer};
 pub use model::{CameraMismatch, Model, ModelError, OutputSpec, Provenance};
 pub use network::{Activation, Kind, Layer, Network, Padding, Shape, Tensor};
 pub use trainer::{Loss, TrainError, TrainOptions, Trainer};
-pub use weights::Weights;
+pub use weights::{Initialisation, Weights};

@@ -22,6 +22,7 @@ const NETWORKS: &[(&str, &str)] = files!(
     "deeperlstm-tinypilotnet",
     "deepestlstm-tinypilotnet",
     "mobilenetv2-head",
+    "lane-small",
 );
 
 impl Network {

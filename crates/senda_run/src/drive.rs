@@ -207,7 +207,7 @@ fn repeatable(summary: &Summary) -> serde_json::Value {
 fn header(scenario: &Scenario, world: &World, body: &senda_core::Body) -> RecordingHeader {
     RecordingHeader {
         senda: env!("CARGO_PKG_VERSION").to_owned(),
-        commit: option_env!("SENDA_COMMIT").unwrap_or("unknown").to_owned(),
+        commit: crate::COMMIT.to_owned(),
         scenario: scenario.to_toml(),
         world: Some(world.to_toml()),
         reversed: scenario.reverse,

@@ -21,6 +21,9 @@ pub enum RunError {
     /// The driver refuses the vehicle or its options.
     #[error(transparent)]
     Driver(#[from] senda_drivers::DriverError),
+    /// A model file cannot be used.
+    #[error(transparent)]
+    Model(#[from] senda_nets::ModelError),
     /// No such driver.
     #[error("unknown driver `{found}`: expected one of {known}")]
     UnknownDriver {

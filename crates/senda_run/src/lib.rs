@@ -28,6 +28,12 @@ pub use guard::Guard;
 pub use pilot::Pilot;
 pub use scenario::Scenario;
 
+/// The commit that this program was built from; `unknown` outside a repository.
+pub const COMMIT: &str = match option_env!("SENDA_COMMIT") {
+    Some(commit) => commit,
+    None => "unknown",
+};
+
 /// What the loop tells its surroundings and asks of them while it runs.
 pub struct Ears<'a> {
     /// Called after every step with the part of the run that is done, 0..=1.

@@ -2,9 +2,14 @@
 
 use crate::RunError;
 use senda_core::{Body, Command, Driver, Explanation, Observation, PrivilegedDriver, Truth};
-use senda_drivers::{ExpertDriver, ExpertOptions, LaneDriver, LaneOptions, LineDriver, LineOptions};
+use senda_drivers::{
+    ExpertDriver, ExpertOptions, LaneDriver, LaneOptions, LineDriver, LineOptions, NeuralDriver,
+    NeuralOptions,
+};
 use senda_geom::Curve;
+use senda_nets::Model;
 use serde::de::DeserializeOwned;
+use std::path::Path;
 
 /// A driver, or the one kind of driver that is told the truth.
 pub enum Pilot {
@@ -15,9 +20,13 @@ pub enum Pilot {
 }
 
 /// Names of all drivers, with what each does.
-pub const DRIVERS: [(&str, &str); 3] = [
+pub const DRIVERS: [(&str, &str); 4] = [
     ("line", "follows one line by camera (document C)"),
     ("lane", "stays between two lines by camera (document C)"),
+    (
+        "neural",
+        "does what a trained network answers (option `model`: its file)",
+    ),
     (
         "expert",
         "is told the true state: for measuring and labelling only",
@@ -44,6 +53,21 @@ impl Pilot {
                 let mut options: LaneOptions = parse_options(name, options)?;
                 options.set_speed(speed_mps);
                 Self::Driver(Box::new(LaneDriver::new(body, options)?))
+            }
+            "neural" => {
+                let mut options = options.clone();
+                let model = match options.remove("model") {
+                    Some(toml::Value::String(path)) => Model::load(Path::new(&path))?,
+                    _ => {
+                        return Err(RunError::DriverOptions {
+                            driver: name.to_owned(),
+                            reason: "expected a model file; give one with --model".to_owned(),
+                        });
+                    }
+                };
+                let mut options: NeuralOptions = parse_options(name, &options)?;
+                options.set_speed(speed_mps);
+                Self::Driver(Box::new(NeuralDriver::new(body, model, options)?))
             }
             "expert" => {
                 let mut options: ExpertOptions = parse_options(name, options)?;

@@ -222,9 +222,17 @@ fn unravel(mut number: usize, sizes: &[usize; 8]) -> [usize; 8] {
     places
 }
 
-/// The key of a run: the same scenario under the same version of senda gives the same result.
+/// The key of a run: the same scenario (with the same model file's content) under the same version of senda gives the same result.
 pub fn key(scenario: &Scenario) -> String {
-    let digest = Sha256::digest(format!("{}\n{}", env!("CARGO_PKG_VERSION"), scenario.to_toml()));
+    let mut text = format!("{}\n{}", env!("CARGO_PKG_VERSION"), scenario.to_toml());
+    if let Some(model) = scenario.driver_options.get("model").and_then(toml::Value::as_str)
+        && let Ok(content) = std::fs::read(model)
+    {
+        for byte in Sha256::digest(content) {
+            text += &format!("{byte:02x}");
+        }
+    }
+    let digest = Sha256::digest(text);
     digest.iter().take(8).map(|byte| format!("{byte:02x}")).collect()
 }
 

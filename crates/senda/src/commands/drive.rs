@@ -26,9 +26,12 @@ pub(crate) struct ScenarioFlags {
     /// Ready vehicle or vehicle file
     #[arg(long, value_name = "VEHICLE")]
     pub(crate) vehicle: Option<String>,
-    /// line, lane or expert
+    /// line, lane, neural or expert
     #[arg(long, value_name = "DRIVER")]
     pub(crate) driver: Option<String>,
+    /// Trained network for the driver `neural`
+    #[arg(long, value_name = "FILE")]
+    pub(crate) model: Option<String>,
     /// Laps to drive
     #[arg(long, value_name = "N")]
     pub(crate) laps: Option<u32>,
@@ -111,6 +114,11 @@ impl ScenarioFlags {
         scenario.start.heading_rad = heading.unwrap_or(scenario.start.heading_rad);
         scenario.calibration = self.calibration.clone().or(scenario.calibration);
         scenario.time_limit_s = self.time_limit.or(scenario.time_limit_s);
+        if let Some(model) = &self.model {
+            scenario
+                .driver_options
+                .insert("model".to_owned(), model.as_str().into());
+        }
         merge(&mut scenario.driver_options, parse_option_list(&self.options)?);
         scenario.check()?;
         Ok(scenario)

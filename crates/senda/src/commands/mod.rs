@@ -4,11 +4,15 @@ pub(crate) mod bench;
 pub(crate) mod calibrate;
 pub(crate) mod data;
 pub(crate) mod drive;
+pub(crate) mod learn;
+pub(crate) mod model;
+pub(crate) mod net;
 pub(crate) mod replay;
 pub(crate) mod report;
 pub(crate) mod study;
 pub(crate) mod sweep;
 pub(crate) mod tour;
+pub(crate) mod train;
 pub(crate) mod world;
 
 use anyhow::{Context, Result};

@@ -1,0 +1,368 @@
+//! `senda train`: a network on recordings.
+
+use super::report::command_line;
+use crate::terminal;
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use senda_drivers::Answer;
+use senda_learn::{
+    Answers, Samples, Split,
+    gather::{self, Selection},
+    learn::find_network,
+    split::split,
+    train::{self, News, Training},
+};
+use senda_nets::{Colour, Crop, InputSpec, Model, OutputSpec, Provenance, Weights};
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// An experiment as a file; every key has a flag.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Experiment {
+    network: String,
+    data: Vec<PathBuf>,
+    validation: Vec<PathBuf>,
+    split: Split,
+    validation_share: f64,
+    split_gap: usize,
+    vehicle: String,
+    colour: Option<Colour>,
+    crop: Crop,
+    answers: Vec<Answer>,
+    selection: Selection,
+    training: Training,
+}
+
+impl Default for Experiment {
+    fn default() -> Self {
+        Self {
+            network: "pilotnet".into(),
+            data: vec![],
+            validation: vec![],
+            split: Split::default(),
+            validation_share: 0.2,
+            split_gap: 0,
+            vehicle: "picar".into(),
+            colour: None,
+            crop: Crop::default(),
+            answers: vec![Answer::Steering],
+            selection: Selection::default(),
+            training: Training::default(),
+        }
+    }
+}
+
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Recordings, tubs, Udacity folders, named frames, or folders of those
+    data: Vec<PathBuf>,
+    /// Experiment file (TOML); flags override its keys
+    #[arg(long, value_name = "FILE")]
+    plan: Option<PathBuf>,
+    /// Ready network (`senda net list`) or network file
+    #[arg(long, value_name = "NETWORK")]
+    network: Option<String>,
+    /// Data that judge and are not learned from
+    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    validation: Vec<PathBuf>,
+    /// How to hold data out without --validation: worlds, runs, time or random-frames
+    #[arg(long, value_name = "HOW")]
+    split: Option<String>,
+    /// Part of the data that is held out
+    #[arg(long, value_name = "PART")]
+    validation_share: Option<f64>,
+    /// Frames left out between the parts of a split in time: neighbours of the held-out frames
+    #[arg(long, value_name = "N")]
+    split_gap: Option<usize>,
+    /// Let a random split of frames leak neighbouring frames into validation
+    #[arg(long)]
+    allow_leak: bool,
+    /// Vehicle that foreign data were recorded on
+    #[arg(long, value_name = "VEHICLE")]
+    vehicle: Option<String>,
+    /// rgb, grey or saturation
+    #[arg(long, value_name = "COLOUR")]
+    colour: Option<String>,
+    /// Part of the frame's height that is cut off above
+    #[arg(long, value_name = "PART")]
+    crop_top: Option<f64>,
+    /// Part of the frame's height that is cut off below
+    #[arg(long, value_name = "PART")]
+    crop_bottom: Option<f64>,
+    /// Passes over the data
+    #[arg(long, value_name = "N")]
+    epochs: Option<u32>,
+    /// Samples a step
+    #[arg(long, value_name = "N")]
+    batch: Option<usize>,
+    /// Adam's step size
+    #[arg(long, value_name = "RATE")]
+    learning_rate: Option<f64>,
+    /// Stop when validation has not improved for this many epochs
+    #[arg(long, value_name = "N")]
+    patience: Option<u32>,
+    /// Seed
+    #[arg(long, value_name = "S")]
+    seed: Option<u64>,
+    /// Threads; without it one for each core. The result does not depend on it
+    #[arg(long, value_name = "N")]
+    jobs: Option<usize>,
+    /// Go on from this model's weights (fine-tuning)
+    #[arg(long, value_name = "FILE")]
+    from: Option<PathBuf>,
+    /// Keep a checkpoint in this folder, and go on from it when it exists
+    #[arg(long, value_name = "FOLDER")]
+    folder: Option<PathBuf>,
+    /// Where the model is written
+    #[arg(long, value_name = "FILE", default_value = "model.senda")]
+    out: PathBuf,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn word<T: serde::de::DeserializeOwned>(flag: &str, text: &str) -> Result<T> {
+    serde_json::from_value(serde_json::Value::String(text.to_owned()))
+        .map_err(|error| anyhow::anyhow!("--{flag} {text}: {error}"))
+}
+
+impl Arguments {
+    fn experiment(&self) -> Result<Experiment> {
+        let mut experiment = match &self.plan {
+            Some(path) => {
+                let text = std::fs::read_to_string(path)
+                    .with_context(|| format!("cannot read {}", path.display()))?;
+                toml::from_str(&text).with_context(|| path.display().to_string())?
+            }
+            None => Experiment::default(),
+        };
+        if !self.data.is_empty() {
+            experiment.data.clone_from(&self.data);
+        }
+        if !self.validation.is_empty() {
+            experiment.validation.clone_from(&self.validation);
+        }
+        if let Some(network) = &self.network {
+            experiment.network.clone_from(network);
+        }
+        if let Some(vehicle) = &self.vehicle {
+            experiment.vehicle.clone_from(vehicle);
+        }
+        if let Some(how) = &self.split {
+            experiment.split = word("split", how)?;
+        }
+        if let Some(colour) = &self.colour {
+            experiment.colour = Some(word("colour", colour)?);
+        }
+        experiment.validation_share = self.validation_share.unwrap_or(experiment.validation_share);
+        experiment.split_gap = self.split_gap.unwrap_or(experiment.split_gap);
+        experiment.crop.top = self.crop_top.unwrap_or(experiment.crop.top);
+        experiment.crop.bottom = self.crop_bottom.unwrap_or(experiment.crop.bottom);
+        let training = &mut experiment.training;
+        training.epochs = self.epochs.unwrap_or(training.epochs);
+        training.batch = self.batch.unwrap_or(training.batch);
+        training.learning_rate = self.learning_rate.unwrap_or(training.learning_rate);
+        training.patience = self.patience.unwrap_or(training.patience);
+        training.seed = self.seed.unwrap_or(training.seed);
+        training.threads = self.jobs.unwrap_or(training.threads);
+        if experiment.data.is_empty() {
+            bail!(
+                "expected data to learn from, but found none; record some with `senda drive --record FOLDER`, then `senda train FOLDER`"
+            );
+        }
+        Ok(experiment)
+    }
+}
+
+pub(crate) fn run(arguments: Arguments) -> Result<()> {
+    let experiment = arguments.experiment()?;
+    let began_ns = terminal::clock_ns();
+    let mut network = find_network(&experiment.network)?;
+    if network.output_len() != experiment.answers.len() {
+        network = network.with_outputs(experiment.answers.len())?;
+    }
+    let mut input = InputSpec {
+        crop: experiment.crop,
+        ..InputSpec::of(network.input())
+    };
+    let mut weights = Weights::initialised(
+        &network,
+        experiment.training.initialisation,
+        experiment.training.seed,
+    );
+    if let Some(path) = &arguments.from {
+        let model = Model::load(path)?;
+        network = model.network;
+        weights = model.weights;
+        input = model.input;
+    } else {
+        // A tiny network of document B looks at saturation unless told otherwise.
+        input.colour = match experiment.colour {
+            Some(colour) => colour,
+            None if experiment.network.starts_with("tinypilotnet") && input.channels() == 1 => {
+                Colour::Saturation
+            }
+            None => input.colour,
+        };
+    }
+    if let Some(fault) = input.fault(network.input()) {
+        bail!("{fault}");
+    }
+    let body = senda_run::scenario::find_vehicle(&experiment.vehicle)?.body();
+    let bar = terminal::bar("reading");
+    let read = |paths: &[PathBuf]| -> Result<Samples> {
+        let (samples, warnings) = gather::recordings(
+            paths,
+            &body,
+            &input,
+            &experiment.answers,
+            &experiment.selection,
+            &mut |done, of| bar.set_position((1000 * done / of.max(1)) as u64),
+        )?;
+        for warning in warnings.iter().take(10) {
+            bar.suspend(|| eprintln!("warning: {warning}"));
+        }
+        Ok(samples)
+    };
+    let all = read(&experiment.data)?;
+    if all.is_empty() {
+        bail!(
+            "expected frames to learn from, but found none in {} files or folders",
+            experiment.data.len()
+        );
+    }
+    let (training, validation) = if experiment.validation.is_empty() {
+        split(
+            &all,
+            experiment.split,
+            experiment.validation_share,
+            experiment.split_gap,
+            experiment.training.seed,
+            arguments.allow_leak,
+        )?
+    } else {
+        (all, read(&experiment.validation)?)
+    };
+    let answers = Answers {
+        is_turn: experiment.answers.iter().map(|answer| answer.is_turn()).collect(),
+    };
+    let checkpoint = match &arguments.folder {
+        Some(folder) => {
+            std::fs::create_dir_all(folder)
+                .with_context(|| format!("cannot make folder {}", folder.display()))?;
+            super::write_file(
+                &folder.join("experiment.toml"),
+                toml::to_string(&experiment)?.as_bytes(),
+            )?;
+            Some(folder.join("checkpoint"))
+        }
+        None => None,
+    };
+    bar.set_message("training");
+    let trained = train::train(
+        &network,
+        weights,
+        &input,
+        &answers,
+        &training,
+        &validation,
+        &experiment.training,
+        checkpoint.as_deref(),
+        &mut terminal::ears(&bar),
+        &mut |news| match news {
+            News::Step { loss, .. } => bar.set_message(format!("training, loss {loss:.5}")),
+            News::Epoch(epoch) => bar.suspend(|| {
+                let judged = epoch.validation.map_or(String::new(), |errors| {
+                    format!(
+                        ", validation: MSE {:.5}, mean error {:.4} (constant: {:.4}), correlation {:.3}",
+                        errors.mean_squared,
+                        errors.mean_absolute,
+                        errors.of_constant_median,
+                        errors.correlation
+                    )
+                });
+                eprintln!(
+                    "epoch {}: loss {:.5}{judged}  [{:.0} s]",
+                    epoch.number,
+                    epoch.training_loss,
+                    terminal::seconds_since(began_ns)
+                );
+            }),
+        },
+    )?;
+    bar.finish_and_clear();
+    if trained.interrupted && trained.history.is_empty() {
+        bail!("interrupted before the first epoch was over: no model is written");
+    }
+    let best = trained
+        .history
+        .iter()
+        .find(|epoch| epoch.number == trained.best_epoch);
+    let mut provenance = Provenance {
+        senda: env!("CARGO_PKG_VERSION").to_owned(),
+        commit: senda_run::COMMIT.to_owned(),
+        data: experiment
+            .data
+            .iter()
+            .map(|path| path.display().to_string())
+            .collect(),
+        worlds: {
+            let mut worlds: Vec<String> = training
+                .runs
+                .iter()
+                .map(|run| run.world.clone())
+                .filter(|w| !w.is_empty())
+                .collect();
+            worlds.sort();
+            worlds.dedup();
+            worlds
+        },
+        seed: experiment.training.seed,
+        command: command_line(),
+        ..Provenance::default()
+    };
+    if let Some(best) = best {
+        provenance
+            .metrics
+            .insert("best_epoch".into(), serde_json::to_value(best)?);
+    }
+    let model = Model {
+        outputs: experiment
+            .answers
+            .iter()
+            .map(|answer| OutputSpec {
+                name: answer.name().to_owned(),
+                unit: answer.unit().to_owned(),
+            })
+            .collect(),
+        network,
+        weights: trained.weights,
+        input,
+        provenance,
+    };
+    model.save(&arguments.out)?;
+    let wall_s = terminal::seconds_since(began_ns);
+    if arguments.json {
+        let value = serde_json::json!({
+            "model": arguments.out,
+            "network": model.network.name(),
+            "training_frames": training.len(),
+            "validation_frames": validation.len(),
+            "best_epoch": trained.best_epoch,
+            "history": trained.history,
+            "interrupted": trained.interrupted,
+            "wall_s": wall_s,
+        });
+        println!("{}", serde_json::to_string_pretty(&value)?);
+        return Ok(());
+    }
+    println!(
+        "model: {} (epoch {}; {} frames to learn from, {} to judge) after {wall_s:.0} s",
+        arguments.out.display(),
+        trained.best_epoch,
+        training.len(),
+        validation.len()
+    );
+    Ok(())
+}

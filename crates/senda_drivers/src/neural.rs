@@ -1,0 +1,297 @@
+//! A network at the wheel (A11 in SPEC): the model file says how pictures are prepared and what the answers mean.
+
+use crate::options::{DriverError, check};
+use crate::speed::SpeedOptions;
+use senda_core::{Body, Command, Drive, Driver, Explanation, Observation, Steering, Turn};
+use senda_geom::trig;
+use senda_nets::{Inference, Model, Preparer};
+use serde::{Deserialize, Serialize};
+
+/// What one output of a network means. Targets and answers are around -1..1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Answer {
+    /// Front-wheel angle as a part of full lock, left positive: -1 full right, 1 full left. Vehicles without front wheels
+    /// steer as a car as long as their track is wide, with 45° of lock.
+    Steering,
+    /// Curvature of the path (1/m) over 2/m, left positive: fits vehicles of any build.
+    Curvature,
+    /// Speed (m/s) as a part of top speed.
+    Speed,
+    /// Pedal: -1 full brake, 1 full throttle.
+    Throttle,
+}
+
+/// Curvature (1/m) that counts as 1: a circle of half a metre, tight for every vehicle here (guess).
+const CURVATURE_OF_ONE_PER_M: f64 = 2.0;
+
+/// Lock of vehicles that have no front wheels (rad): 45°.
+const LOCK_WITHOUT_FRONT_WHEELS_RAD: f64 = std::f64::consts::FRAC_PI_4;
+
+impl Answer {
+    /// All, with their names in model files.
+    pub const ALL: [(&'static str, Self); 4] = [
+        ("steering", Self::Steering),
+        ("curvature", Self::Curvature),
+        ("speed", Self::Speed),
+        ("throttle", Self::Throttle),
+    ];
+
+    /// By its name in model files.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL
+            .iter()
+            .find(|(known, _)| *known == name)
+            .map(|(_, answer)| *answer)
+    }
+
+    /// Its name in model files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Steering => "steering",
+            Self::Curvature => "curvature",
+            Self::Speed => "speed",
+            Self::Throttle => "throttle",
+        }
+    }
+
+    /// The unit as people read it.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Steering => "part of full lock, left positive",
+            Self::Curvature => "2/m, left positive",
+            Self::Speed => "part of top speed",
+            Self::Throttle => "part of full throttle, negative brakes",
+        }
+    }
+
+    /// Whether a mirrored picture has the opposite answer.
+    pub fn is_turn(self) -> bool {
+        matches!(self, Self::Steering | Self::Curvature)
+    }
+
+    /// What a network should answer where this command is right.
+    pub fn target(self, body: &Body, command: &Command) -> f64 {
+        let speed_mps = body.speed_of(command);
+        match self {
+            Self::Steering => {
+                let lock = lock_rad(body);
+                body.steering_of(command.turn, speed_mps).clamp(-lock, lock) / lock
+            }
+            Self::Curvature => {
+                let limit = body.curvature_limit_per_m().min(10.0);
+                body.curvature_of(command.turn, speed_mps).clamp(-limit, limit) / CURVATURE_OF_ONE_PER_M
+            }
+            Self::Speed => speed_mps / body.speed_limit_mps,
+            Self::Throttle => match command.drive {
+                Drive::Throttle(part) => part,
+                Drive::SpeedMps(speed) => speed / body.speed_limit_mps,
+            },
+        }
+    }
+}
+
+fn lock_rad(body: &Body) -> f64 {
+    match body.steering {
+        Steering::Ackermann {
+            steering_limit_rad, ..
+        } => steering_limit_rad,
+        Steering::Differential { .. } => LOCK_WITHOUT_FRONT_WHEELS_RAD,
+    }
+}
+
+/// Options of the network driver.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct NeuralOptions {
+    /// How fast, where the network does not say; curves slow it down by what the network steers.
+    pub speed: SpeedOptions,
+    /// Largest change of the steering from frame to frame (part of full lock); 0 switches it off. A11: 3° of 50 servo
+    /// degrees are 0.06.
+    pub change_limit: f64,
+    /// Drives although the vehicle's camera is not the one that the network was trained with.
+    pub any_camera: bool,
+}
+
+impl Default for NeuralOptions {
+    fn default() -> Self {
+        Self {
+            // A13: trained at speed 20 of 100, which is 0.16 m/s of the kit car's 0.8.
+            speed: SpeedOptions::constant(0.16),
+            change_limit: 0.0,
+            any_camera: false,
+        }
+    }
+}
+
+impl NeuralOptions {
+    /// Another cruising speed (m/s), where one is given.
+    pub fn set_speed(&mut self, speed_mps: Option<f64>) {
+        self.speed.cruise_mps = speed_mps.unwrap_or(self.speed.cruise_mps);
+    }
+
+    fn validate(&self) -> Result<(), DriverError> {
+        self.speed.validate()?;
+        check("change_limit", self.change_limit, 0.0, 2.0)
+    }
+}
+
+/// Drives by what a network answers to each picture.
+pub struct NeuralDriver {
+    body: Body,
+    options: NeuralOptions,
+    model: Model,
+    answers: Vec<Answer>,
+    inference: Inference,
+    preparer: Option<(usize, usize, Preparer)>,
+    input: Vec<f32>,
+    last: Option<Command>,
+    turn: f64,
+    curvature_per_m: f64,
+    seen: bool,
+}
+
+impl NeuralDriver {
+    /// For a vehicle and a model. The model's camera must fit the vehicle's first one.
+    pub fn new(body: &Body, model: Model, options: NeuralOptions) -> Result<Self, DriverError> {
+        options.validate()?;
+        let Some(camera) = body.cameras.first() else {
+            return Err(DriverError::NoCamera {
+                body: body.name.clone(),
+            });
+        };
+        if !options.any_camera {
+            model
+                .check_camera(camera)
+                .map_err(|mismatch| DriverError::Model {
+                    reason: format!("{mismatch}; set the option any_camera=true to drive nevertheless"),
+                })?;
+        }
+        let answers = model
+            .outputs
+            .iter()
+            .map(|output| {
+                Answer::named(&output.name).ok_or_else(|| DriverError::Model {
+                    reason: format!(
+                        "expected outputs named steering, curvature, speed or throttle, but found {:?}",
+                        output.name
+                    ),
+                })
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        if !answers.iter().any(|answer| answer.is_turn()) {
+            return Err(DriverError::Model {
+                reason: "expected an output named steering or curvature, but found none".into(),
+            });
+        }
+        Ok(Self {
+            inference: Inference::new(&model.network, &model.weights, 1),
+            input: vec![0.0; model.network.input().len()],
+            body: body.clone(),
+            options,
+            model,
+            answers,
+            preparer: None,
+            last: None,
+            turn: 0.0,
+            curvature_per_m: 0.0,
+            seen: false,
+        })
+    }
+
+    /// The model at the wheel.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    fn command(&mut self) -> Command {
+        let outputs = self.inference.run(&self.input);
+        let mut turn = Turn::CurvaturePerM(0.0);
+        let mut drive = None;
+        for (answer, value) in self.answers.iter().zip(outputs) {
+            let value = f64::from(*value);
+            match answer {
+                Answer::Steering | Answer::Curvature => {
+                    let limit = self.options.change_limit;
+                    let mut value = if *answer == Answer::Steering {
+                        value.clamp(-1.0, 1.0)
+                    } else {
+                        value
+                    };
+                    if limit > 0.0 && self.last.is_some() {
+                        value = value.clamp(self.turn - limit, self.turn + limit);
+                    }
+                    self.turn = value;
+                    turn = match answer {
+                        Answer::Steering => {
+                            let angle = value * lock_rad(&self.body);
+                            match self.body.steering {
+                                Steering::Ackermann { .. } => Turn::SteeringRad(angle),
+                                Steering::Differential { track_m } => {
+                                    Turn::CurvaturePerM(trig::tan(angle) / track_m)
+                                }
+                            }
+                        }
+                        _ => Turn::CurvaturePerM(value * CURVATURE_OF_ONE_PER_M),
+                    };
+                }
+                Answer::Speed => {
+                    drive = Some(Drive::SpeedMps(value.clamp(0.0, 1.0) * self.body.speed_limit_mps))
+                }
+                Answer::Throttle => drive = Some(Drive::Throttle(value.clamp(-1.0, 1.0))),
+            }
+        }
+        self.curvature_per_m = self.body.curvature_of(turn, self.options.speed.cruise_mps);
+        let drive = drive.unwrap_or(Drive::SpeedMps(
+            self.options.speed.for_curvature(self.curvature_per_m),
+        ));
+        Command { turn, drive }
+    }
+}
+
+impl Driver for NeuralDriver {
+    fn drive(&mut self, observation: &Observation) -> Command {
+        self.seen = false;
+        let Some(frame) = observation.first_frame() else {
+            // A camera that missed a frame: what was right a moment ago; the guard ends it if it lasts.
+            return self.last.unwrap_or(Command::STOP);
+        };
+        let (width, height) = (frame.image.width(), frame.image.height());
+        if !matches!(&self.preparer, Some((w, h, _)) if (*w, *h) == (width, height)) {
+            self.preparer = Some((width, height, self.model.input.preparer(width, height)));
+        }
+        if let Some((_, _, preparer)) = &mut self.preparer {
+            preparer.prepare(&frame.image, &mut self.input);
+        }
+        self.seen = true;
+        let command = self.command();
+        self.last = Some(command);
+        command
+    }
+
+    fn explain(&self, explanation: &mut Explanation) {
+        explanation.signal("turn", self.turn);
+        explanation.signal("curvature_per_m", self.curvature_per_m);
+        explanation.signal("found", f64::from(u8::from(self.seen)));
+        let Some(camera) = self.body.cameras.first() else {
+            return;
+        };
+        // A11's heading line: the path of the next half metre if the wheels stay as they are.
+        let points = (1..=10).filter_map(|i| {
+            let along_m = 0.05 * f64::from(i);
+            let angle = self.curvature_per_m * along_m;
+            let (x_m, y_m) = if angle.abs() < 1e-6 {
+                (along_m, 0.0)
+            } else {
+                let (sin, cos) = trig::sincos(angle);
+                (sin / self.curvature_per_m, (1.0 - cos) / self.curvature_per_m)
+            };
+            if x_m <= camera.mounting.x_m {
+                return None;
+            }
+            let pixel = camera.pixel_from_point(senda_geom::Vec3::new(x_m, y_m, 0.0))?;
+            Some([pixel.x as f32, pixel.y as f32])
+        });
+        explanation.polyline(points, "#ff4136", false);
+    }
+}

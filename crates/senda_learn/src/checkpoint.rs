@@ -1,0 +1,140 @@
+//! Where training stands, in a file that survives kills, full disks and power cuts.
+
+use crate::train::{Epoch, Progress, Training};
+use crate::{LearnError, Samples};
+use senda_nets::{Network, Trainer, Weights};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+const MAGIC: &[u8; 16] = b"senda checkpoint";
+
+#[derive(Serialize, Deserialize)]
+struct Head {
+    version: u32,
+    fingerprint: String,
+    history: Vec<Epoch>,
+    best_epoch: u32,
+    best_len: usize,
+    trainer_len: usize,
+}
+
+/// What must be equal for a checkpoint to be of the same experiment.
+pub(crate) fn fingerprint(
+    network: &Network,
+    options: &Training,
+    training: &Samples,
+    validation: &Samples,
+) -> String {
+    let same_for_any_threads = Training {
+        threads: 0,
+        ..options.clone()
+    };
+    let options = toml::to_string(&same_for_any_threads).unwrap_or_default();
+    let mut digest = Digest::default();
+    digest.add(network.to_toml().as_bytes());
+    digest.add(options.as_bytes());
+    for samples in [training, validation] {
+        digest.add(&samples.pixels);
+        for target in &samples.targets {
+            digest.add(&target.to_le_bytes());
+        }
+    }
+    format!("{:016x}", digest.0)
+}
+
+/// FNV-1a, 64 bits: tells experiments apart, guards against nothing.
+struct Digest(u64);
+
+impl Default for Digest {
+    fn default() -> Self {
+        Self(0xcbf2_9ce4_8422_2325)
+    }
+}
+
+impl Digest {
+    fn add(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3);
+        }
+    }
+}
+
+/// Writes the state beside the old one and then replaces it: the last good checkpoint survives a full disk.
+pub(crate) fn save(
+    path: &Path,
+    fingerprint: &str,
+    trainer: &Trainer,
+    progress: &Progress,
+) -> Result<(), LearnError> {
+    let state = trainer.state();
+    let best: &[f32] = progress.best.as_ref().map_or(&[], |weights| &weights.values);
+    let head = Head {
+        version: 1,
+        fingerprint: fingerprint.to_owned(),
+        history: progress.history.clone(),
+        best_epoch: progress.best_epoch,
+        best_len: best.len(),
+        trainer_len: state.len(),
+    };
+    let head = serde_json::to_vec(&head).unwrap_or_default();
+    crate::store::replace(path, |file| {
+        file.write_all(MAGIC)?;
+        file.write_all(&(head.len() as u64).to_le_bytes())?;
+        file.write_all(&head)?;
+        for value in best {
+            file.write_all(&value.to_le_bytes())?;
+        }
+        file.write_all(&state)
+    })
+}
+
+/// Reads the state back, if there is one.
+pub(crate) fn load(
+    path: &Path,
+    fingerprint: &str,
+    trainer: &mut Trainer,
+) -> Result<Option<Progress>, LearnError> {
+    let bytes = match std::fs::read(path) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(source) => return Err(LearnError::io(path, source)),
+    };
+    let wrong = |reason: &str| LearnError::Checkpoint {
+        path: path.to_owned(),
+        reason: reason.to_owned(),
+    };
+    let cut = || wrong("it is cut short or damaged");
+    let rest = bytes
+        .strip_prefix(MAGIC.as_slice())
+        .ok_or_else(|| wrong("it is no checkpoint at all"))?;
+    let (length, rest) = rest.split_first_chunk::<8>().ok_or_else(cut)?;
+    let length = usize::try_from(u64::from_le_bytes(*length)).map_err(|_| cut())?;
+    let head: Head = serde_json::from_slice(rest.get(..length).ok_or_else(cut)?).map_err(|_| cut())?;
+    if head.version != 1 {
+        return Err(wrong(&format!(
+            "it has version {} and this program reads 1",
+            head.version
+        )));
+    }
+    if head.fingerprint != fingerprint {
+        return Err(wrong("its network, options or data are others"));
+    }
+    let rest = &rest[length..];
+    let best_bytes = head.best_len.checked_mul(4).ok_or_else(cut)?;
+    let best = rest.get(..best_bytes).ok_or_else(cut)?;
+    let state = rest
+        .get(best_bytes..)
+        .filter(|state| state.len() == head.trainer_len)
+        .ok_or_else(cut)?;
+    trainer.resume(state).map_err(|_| cut())?;
+    let best: Vec<f32> = best
+        .chunks_exact(4)
+        .map(|bytes| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
+        .collect();
+    Ok(Some(Progress {
+        history: head.history,
+        best: (!best.is_empty()).then(|| Weights { values: best }),
+        best_epoch: head.best_epoch,
+        interrupted: false,
+    }))
+}

@@ -1,0 +1,233 @@
+//! Learning by correction (DAgger: Ross, Gordon, Bagnell 2011): the network drives in random worlds, the expert says at every
+//! frame what it should have done, pushes bring it where no good driver would ever be, and all of it is learned.
+
+use crate::{LearnError, Samples};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use senda_core::{Body, Command, Driver, Observation, PrivilegedDriver, Vehicle};
+use senda_drivers::{Answer, ExpertDriver, ExpertOptions, NeuralDriver, NeuralOptions};
+use senda_nets::{InputSpec, Model};
+use senda_run::Guard;
+use senda_sim::{Pushes, SimOptions, Simulator, Start};
+use senda_world::VehicleSpec;
+use serde::{Deserialize, Serialize};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// What is driven to gather frames.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Gathering {
+    /// Families of random worlds, `random-circuit`; each drive takes one at random.
+    pub families: Vec<String>,
+    /// First seed of the worlds; every drive takes the next one.
+    pub first_world: u64,
+    /// Ready vehicle or vehicle file.
+    pub vehicle: String,
+    /// Image width and height (px) that replace the vehicle's own.
+    pub image_px: Option<[u32; 2]>,
+    /// Speeds (m/s) from slowest to fastest; each drive has its own.
+    pub speed_mps: [f64; 2],
+    /// Longest drive (frames).
+    pub drive_frames: usize,
+    /// Pushes while driving.
+    pub pushes: Option<Pushes>,
+    /// Starting places to either side of the path, as a part of the corridor's half width.
+    pub start_offset: f64,
+    /// Starting headings to either side of the path (rad).
+    pub start_heading_rad: f64,
+    /// The camera's mounting differs from the file by up to this much up or down, left or right (rad), beyond the file's own.
+    pub camera_turned_rad: f64,
+    /// The first frames of a drive are not learned: exposure settles (A6 in SPEC).
+    pub skip_frames: usize,
+}
+
+impl Default for Gathering {
+    fn default() -> Self {
+        Self {
+            families: vec!["random-circuit".into()],
+            first_world: 1_000_000,
+            vehicle: "picar".into(),
+            image_px: Some([160, 120]),
+            speed_mps: [0.12, 0.3],
+            drive_frames: 250,
+            pushes: Some(Pushes {
+                every_s: 1.5,
+                lasts_s: 0.4,
+                yaw_rate_std_radps: 1.2,
+            }),
+            start_offset: 0.6,
+            start_heading_rad: 0.35,
+            camera_turned_rad: 0.0,
+            skip_frames: 4,
+        }
+    }
+}
+
+/// Beyond this many half widths of the corridor a drive ends: what the camera sees there is no road any more.
+const STRAYED_HALF_WIDTHS: f64 = 1.4;
+
+/// One finished drive.
+struct Drive {
+    samples: Samples,
+    strayed: bool,
+}
+
+/// Gathers about `frames` frames (whole drives, so a few more): the model drives, or without one the expert. Drives are
+/// numbered from `first_drive`; number and seed decide everything about a drive, so threads do not matter.
+///
+/// Returns the samples, the number of drives and how many of them strayed from the road.
+pub fn gather(
+    gathering: &Gathering,
+    input: &InputSpec,
+    answers: &[Answer],
+    model: Option<&Model>,
+    frames: usize,
+    first_drive: u64,
+    seed: u64,
+    progress: &(dyn Fn(usize) + Sync),
+    interrupted: &(dyn Fn() -> bool + Sync),
+) -> Result<(Samples, usize, usize), LearnError> {
+    let mut spec = senda_run::scenario::find_vehicle(&gathering.vehicle)?;
+    if let Some([width, height]) = gathering.image_px {
+        spec = spec.with_camera_size(width, height);
+    }
+    let mut all = Samples::new(input.len(), answers.len());
+    let (mut drives, mut strayed) = (0usize, 0usize);
+    let gathered = AtomicUsize::new(0);
+    // Several at a time; a group's size is fixed so that the same drives are made on every machine.
+    const GROUP: u64 = 8;
+    while all.len() < frames && !interrupted() {
+        let first = first_drive + drives as u64;
+        let group: Vec<Drive> = (first..first + GROUP)
+            .into_par_iter()
+            .map(|number| {
+                let drive = one(gathering, &spec, input, answers, model, number, seed)?;
+                progress(gathered.fetch_add(drive.samples.len(), Ordering::Relaxed) + drive.samples.len());
+                Ok(drive)
+            })
+            .collect::<Result<_, LearnError>>()?;
+        for drive in group {
+            drives += 1;
+            strayed += usize::from(drive.strayed);
+            all.append(&drive.samples);
+        }
+    }
+    Ok((all, drives, strayed))
+}
+
+fn one(
+    gathering: &Gathering,
+    spec: &VehicleSpec,
+    input: &InputSpec,
+    answers: &[Answer],
+    model: Option<&Model>,
+    number: u64,
+    seed: u64,
+) -> Result<Drive, LearnError> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(number);
+    let family = &gathering.families[rng.random_range(0..gathering.families.len())];
+    let name = format!("{family}:{}", gathering.first_world + number);
+    let mut world = senda_run::scenario::find_world(&name)?;
+    if rng.random_bool(0.5) {
+        world = world.reversed();
+    }
+    let mut spread = |half: f64| {
+        if half > 0.0 {
+            rng.random_range(-half..=half)
+        } else {
+            0.0
+        }
+    };
+    let start = Start {
+        station_m: Some(0.5 * world.path.length_m() * (1.0 + spread(1.0))),
+        offset_m: spread(gathering.start_offset) * world.corridor_half_width_m,
+        heading_rad: spread(gathering.start_heading_rad),
+    };
+    let [slow, fast] = gathering.speed_mps;
+    let speed_mps = 0.5 * (slow + fast) + 0.5 * spread(1.0) * (fast - slow);
+    let path = world.path.clone();
+    let half_width_m = world.corridor_half_width_m;
+    let mut simulator = Simulator::new(
+        world,
+        spec,
+        SimOptions {
+            seed: seed ^ number.wrapping_mul(0x9e37_79b9_7f4a_7c15),
+            start,
+            pushes: gathering.pushes,
+            ..SimOptions::default()
+        },
+    )?;
+    let body: Body = simulator.body().clone();
+    let mut options = ExpertOptions::default();
+    options.set_speed(Some(speed_mps));
+    let mut expert = ExpertDriver::new(&body, path.clone(), options)?;
+    let mut network = match model {
+        Some(model) => {
+            let mut options = NeuralOptions {
+                any_camera: true,
+                ..NeuralOptions::default()
+            };
+            options.set_speed(Some(speed_mps));
+            Some(NeuralDriver::new(&body, model.clone(), options)?)
+        }
+        None => None,
+    };
+    let mut samples = Samples::new(input.len(), answers.len());
+    samples.begin_run(&format!("{name}#{number}"), &name);
+    let mut guard = Guard::new(&body);
+    let mut observation = Observation::default();
+    let mut pixels = vec![0u8; input.len()];
+    let mut targets = vec![0f32; answers.len()];
+    let mut preparer = None;
+    let mut station_m = None;
+    let mut strayed = false;
+    for step in 0..gathering.drive_frames + gathering.skip_frames {
+        if !simulator.observe(&mut observation)? {
+            break;
+        }
+        let Some(truth) = simulator.truth().copied() else {
+            break;
+        };
+        let position = truth.world_from_vehicle.position();
+        let place = match station_m {
+            Some(station_m) => path.project_near(position, station_m, 0.4),
+            None => path.project(position),
+        };
+        station_m = Some(place.station_m);
+        let at_the_end = !path.is_closed() && place.station_m >= path.length_m() - 0.3;
+        if at_the_end || place.offset_m.abs() > STRAYED_HALF_WIDTHS * half_width_m {
+            strayed = !at_the_end;
+            break;
+        }
+        let right = expert.drive_knowing(&observation, &truth);
+        if let (Some(frame), true) = (observation.first_frame(), step >= gathering.skip_frames) {
+            let preparer =
+                preparer.get_or_insert_with(|| input.preparer(frame.image.width(), frame.image.height()));
+            preparer.prepare_bytes(&frame.image, &mut pixels);
+            for (target, answer) in targets.iter_mut().zip(answers) {
+                *target = answer.target(&body, &right) as f32;
+            }
+            samples.push(&pixels, &targets);
+        }
+        let command = match &mut network {
+            Some(network) => {
+                let own = network.drive(&observation);
+                Command {
+                    drive: if answers.iter().all(|answer| answer.is_turn()) {
+                        right.drive
+                    } else {
+                        own.drive
+                    },
+                    ..own
+                }
+            }
+            None => right,
+        };
+        let command = guard.check(&observation, command);
+        expert.executed(&command);
+        simulator.actuate(&command)?;
+    }
+    Ok(Drive { samples, strayed })
+}

@@ -1,0 +1,108 @@
+//! What can go wrong on the way from data to a driving network.
+
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// Why learning cannot begin or go on.
+#[derive(Debug, Error)]
+pub enum LearnError {
+    /// An option is out of its range.
+    #[error("{key}: expected {expected}, but found {found}")]
+    Option {
+        /// Its name.
+        key: &'static str,
+        /// What it may be.
+        expected: String,
+        /// What it is.
+        found: String,
+    },
+    /// A random split of frames.
+    #[error(
+        "a random split of frames leaks: neighbouring frames of a run are almost the same picture, so validation would \
+         measure memory; split by `worlds`, `runs` or `time`, or insist with --allow-leak"
+    )]
+    Leak,
+    /// A split by world or run with too few of them.
+    #[error(
+        "expected at least two {what}s to hold one out, but found {found}; record another one, or split by `time`"
+    )]
+    NothingToHoldOut {
+        /// `world` or `run`.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+    },
+    /// No frames.
+    #[error("{what}: expected frames to learn from, but found none; {help}")]
+    NoFrames {
+        /// Which data.
+        what: String,
+        /// What to do.
+        help: String,
+    },
+    /// A file could not be read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// Which file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// An experiment file is wrong.
+    #[error("{}: {reason}", path.display())]
+    File {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong and where.
+        reason: String,
+    },
+    /// A checkpoint of another experiment.
+    #[error("{}: expected a checkpoint of this experiment, but {reason}; choose another folder or delete it", path.display())]
+    Checkpoint {
+        /// Which file.
+        path: PathBuf,
+        /// How it differs.
+        reason: String,
+    },
+    /// The loss became infinite or not a number.
+    #[error("the loss is no number after {steps} steps; lower the learning rate (now {learning_rate})")]
+    Diverged {
+        /// Steps so far.
+        steps: u64,
+        /// The learning rate.
+        learning_rate: f64,
+    },
+    /// A network or model file.
+    #[error(transparent)]
+    Network(#[from] senda_nets::NetworkError),
+    /// A network cannot be trained so.
+    #[error(transparent)]
+    Train(#[from] senda_nets::TrainError),
+    /// A model file.
+    #[error(transparent)]
+    Model(#[from] senda_nets::ModelError),
+    /// Data.
+    #[error(transparent)]
+    Data(#[from] senda_data::DataError),
+    /// A driver.
+    #[error(transparent)]
+    Driver(#[from] senda_drivers::DriverError),
+    /// A run.
+    #[error(transparent)]
+    Run(#[from] senda_run::RunError),
+    /// The simulator.
+    #[error(transparent)]
+    Simulator(#[from] senda_sim::SimError),
+    /// A vehicle.
+    #[error(transparent)]
+    Vehicle(#[from] senda_core::VehicleError),
+}
+
+impl LearnError {
+    pub(crate) fn io(path: &std::path::Path, source: std::io::Error) -> Self {
+        Self::Io {
+            path: path.to_owned(),
+            source,
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! Recordings of any kind as samples.
+
+use crate::{LearnError, Samples};
+use rayon::prelude::*;
+use senda_core::{Body, Image};
+use senda_data::Recording;
+use senda_drivers::Answer;
+use senda_nets::InputSpec;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Which frames of recordings are learned from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Selection {
+    /// Frames left out at the beginning of every run (A6 in SPEC: exposure settles in the first 2 to 5).
+    pub skip_first: usize,
+    /// Frames left out at the end of every run: the car is being picked up.
+    pub skip_last: usize,
+    /// Frames while the vehicle was told to stand are left out.
+    pub skip_standing: bool,
+    /// Steering (part of full lock) added for the left camera and taken away for the right one, so that frames from the side
+    /// teach the way back (B5 in SPEC: 5° of 25°, 0.2; to the right for the left camera). 0: side cameras are not used.
+    pub side_camera_shift: f64,
+}
+
+impl Default for Selection {
+    fn default() -> Self {
+        Self {
+            skip_first: 4,
+            skip_last: 0,
+            skip_standing: true,
+            side_camera_shift: 0.0,
+        }
+    }
+}
+
+/// Reads recordings (MCAP files, tubs, Udacity folders, named frames, folders of those) and prepares their frames. A frame that
+/// cannot be read is left out with a warning; it never costs the data set.
+pub fn recordings(
+    paths: &[PathBuf],
+    body: &Body,
+    input: &InputSpec,
+    answers: &[Answer],
+    selection: &Selection,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<(Samples, Vec<String>), LearnError> {
+    let mut samples = Samples::new(input.len(), answers.len());
+    let mut warnings = Vec::new();
+    for (number, path) in paths.iter().enumerate() {
+        progress(number, paths.len());
+        for (index, recording) in senda_data::open_runs(path, body)?.into_iter().enumerate() {
+            let name = run_name(path, index);
+            warnings.extend(
+                recording
+                    .warnings
+                    .iter()
+                    .map(|warning| format!("{name}: {warning}")),
+            );
+            add(
+                &mut samples,
+                &recording,
+                &name,
+                input,
+                answers,
+                selection,
+                &mut warnings,
+            )?;
+        }
+    }
+    progress(paths.len(), paths.len());
+    Ok((samples, warnings))
+}
+
+fn run_name(path: &Path, index: usize) -> String {
+    match index {
+        0 => path.display().to_string(),
+        _ => format!("{}#{index}", path.display()),
+    }
+}
+
+fn add(
+    samples: &mut Samples,
+    recording: &Recording,
+    name: &str,
+    input: &InputSpec,
+    answers: &[Answer],
+    selection: &Selection,
+    warnings: &mut Vec<String>,
+) -> Result<(), LearnError> {
+    let steps = &recording.steps;
+    let end = steps.len().saturating_sub(selection.skip_last);
+    let kept = steps.get(selection.skip_first.min(end)..end).unwrap_or_default();
+    let world = recording
+        .header
+        .world
+        .as_deref()
+        .and_then(world_name)
+        .unwrap_or_default();
+    let body = &recording.header.body;
+    let cameras: &[(&str, f64)] = &[("", 0.0), ("left", -1.0), ("right", 1.0)];
+    for (camera, side) in cameras {
+        if *side != 0.0 && selection.side_camera_shift == 0.0 {
+            continue;
+        }
+        // Frames are prepared on all cores, in order.
+        let prepared: Vec<Option<Result<(Vec<u8>, Vec<f32>), String>>> = kept
+            .par_iter()
+            .map_init(
+                || (Image::default(), None),
+                |(image, preparer), step| {
+                    let frame = match *camera {
+                        "" => step.frames.first(),
+                        name => step.frames.iter().find(|frame| frame.camera == name),
+                    }?;
+                    let command = &step.command;
+                    if selection.skip_standing && body.speed_of(command).abs() < 1e-6 {
+                        return None;
+                    }
+                    if !command.is_finite() {
+                        return Some(Err("a command that is no number".to_owned()));
+                    }
+                    if let Err(error) = frame.encoded.decode_into(image) {
+                        return Some(Err(error.to_string()));
+                    }
+                    let size = [image.width(), image.height()];
+                    if size.contains(&0) {
+                        return Some(Err("an empty picture".to_owned()));
+                    }
+                    let preparer: &mut Option<senda_nets::Preparer> = preparer;
+                    if preparer
+                        .as_ref()
+                        .is_none_or(|preparer| preparer.frame_size() != size)
+                    {
+                        *preparer = Some(input.preparer(size[0], size[1]));
+                    }
+                    let mut bytes = vec![0; input.len()];
+                    preparer.as_mut()?.prepare_bytes(image, &mut bytes);
+                    let targets = answers
+                        .iter()
+                        .map(|answer| {
+                            let shift = if answer.is_turn() {
+                                side * selection.side_camera_shift
+                            } else {
+                                0.0
+                            };
+                            (answer.target(body, command) + shift) as f32
+                        })
+                        .collect();
+                    Some(Ok((bytes, targets)))
+                },
+            )
+            .collect();
+        let label = if camera.is_empty() {
+            name.to_owned()
+        } else {
+            format!("{name} ({camera})")
+        };
+        samples.begin_run(&label, &world);
+        let mut broken = 0usize;
+        let mut first = String::new();
+        for frame in prepared.into_iter().flatten() {
+            match frame {
+                Ok((bytes, targets)) => samples.push(&bytes, &targets),
+                Err(reason) => {
+                    broken += 1;
+                    if first.is_empty() {
+                        first = reason;
+                    }
+                }
+            }
+        }
+        if broken > 0 {
+            warnings.push(format!("{label}: {broken} frames were left out ({first})"));
+        }
+        if samples.runs.last().is_some_and(|run| run.frames.is_empty()) {
+            samples.runs.pop();
+        }
+    }
+    Ok(())
+}
+
+/// The name in a world's TOML.
+fn world_name(toml: &str) -> Option<String> {
+    let table: toml::Table = toml.parse().ok()?;
+    Some(table.get("name")?.as_str()?.to_owned())
+}

@@ -1,0 +1,496 @@
+//! The whole path in one: the expert drives, a network learns, drives itself, is corrected, learns again.
+
+use crate::augment::Answers;
+use crate::correct::{self, Gathering};
+use crate::train::{Epoch, News, Training, train};
+use crate::{LearnError, Samples, store};
+use senda_drivers::Answer;
+use senda_eval::statistics::{Rate, rate};
+use senda_nets::{Colour, Crop, InputSpec, Model, Network, OutputSpec, Provenance, Weights};
+use senda_run::sweep::{self, Plan};
+use senda_run::{Ears, Scenario};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// A whole experiment. The resolved copy lies in its folder.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Learning {
+    /// Ready network or network file.
+    pub network: String,
+    /// Colour space; left out: as many channels as the network has.
+    pub colour: Option<Colour>,
+    /// What is cut off the camera's frame.
+    pub crop: Crop,
+    /// What the network answers.
+    pub answers: Vec<Answer>,
+    /// Frames that the expert drives.
+    pub expert_frames: usize,
+    /// Rounds in which the network drives and the expert corrects.
+    pub rounds: u32,
+    /// Frames of each round.
+    pub round_frames: usize,
+    /// Passes over all frames after each round but the last.
+    pub round_epochs: u32,
+    /// Seed of everything.
+    pub seed: u64,
+    /// How frames are gathered.
+    pub gathering: Gathering,
+    /// How it is trained at the end, on everything.
+    pub training: Training,
+    /// Drives that judge each round: worlds that are not learned from.
+    pub trial: Trial,
+}
+
+/// How each round is judged.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Trial {
+    /// Worlds, driven both ways; `random-circuit:5000..5040` stands for forty.
+    pub worlds: Vec<String>,
+    /// How many runs are drawn from them; 0: no trial.
+    pub runs: usize,
+    /// Speed (m/s).
+    pub speed_mps: f64,
+}
+
+impl Default for Trial {
+    fn default() -> Self {
+        Self {
+            worlds: vec!["random-circuit:5000..5200".into()],
+            runs: 24,
+            speed_mps: 0.16,
+        }
+    }
+}
+
+impl Default for Learning {
+    fn default() -> Self {
+        Self {
+            network: "lane-small".into(),
+            colour: None,
+            crop: Crop {
+                top: 0.25,
+                ..Crop::default()
+            },
+            answers: vec![Answer::Steering],
+            expert_frames: 4000,
+            rounds: 4,
+            round_frames: 4000,
+            round_epochs: 4,
+            seed: 1,
+            gathering: Gathering::default(),
+            training: Training {
+                epochs: 8,
+                schedule: crate::train::Schedule::Smooth,
+                ..Training::default()
+            },
+            trial: Trial::default(),
+        }
+    }
+}
+
+impl Learning {
+    /// Reads an experiment file. Errors name the line.
+    pub fn load(path: &Path) -> Result<Self, LearnError> {
+        let text = std::fs::read_to_string(path).map_err(|source| LearnError::io(path, source))?;
+        toml::from_str(&text).map_err(|error| LearnError::File {
+            path: path.to_owned(),
+            reason: error.to_string().trim_end().to_owned(),
+        })
+    }
+
+    /// The experiment as a file.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).unwrap_or_default()
+    }
+
+    /// The network, with as many outputs as there are answers.
+    pub fn resolve_network(&self) -> Result<Network, LearnError> {
+        let network = find_network(&self.network)?;
+        Ok(if network.output_len() == self.answers.len() {
+            network
+        } else {
+            network.with_outputs(self.answers.len())?
+        })
+    }
+
+    /// How frames are prepared for it.
+    pub fn resolve_input(&self, network: &Network) -> Result<InputSpec, LearnError> {
+        let mut spec = senda_run::scenario::find_vehicle(&self.gathering.vehicle)?;
+        if let Some([width, height]) = self.gathering.image_px {
+            spec = spec.with_camera_size(width, height);
+        }
+        let mut input = InputSpec {
+            crop: self.crop,
+            camera: spec.body().cameras.first().cloned(),
+            ..InputSpec::of(network.input())
+        };
+        if let Some(colour) = self.colour {
+            input.colour = colour;
+        }
+        match input.fault(network.input()) {
+            Some(fault) => Err(LearnError::Option {
+                key: "colour or crop",
+                expected: "an input that fits the network".into(),
+                found: fault,
+            }),
+            None => Ok(input),
+        }
+    }
+
+    fn check(&self) -> Result<(), LearnError> {
+        self.training.check()?;
+        if self.answers.is_empty() || !self.answers.iter().any(|answer| answer.is_turn()) {
+            return Err(LearnError::Option {
+                key: "answers",
+                expected: "steering or curvature among them".into(),
+                found: format!("{:?}", self.answers),
+            });
+        }
+        for (key, value) in [
+            ("expert_frames", self.expert_frames),
+            ("gathering.drive_frames", self.gathering.drive_frames),
+        ] {
+            if value == 0 {
+                return Err(LearnError::Option {
+                    key,
+                    expected: "at least 1".into(),
+                    found: "0".into(),
+                });
+            }
+        }
+        if self.gathering.families.is_empty() {
+            return Err(LearnError::Option {
+                key: "gathering.families",
+                expected: "a family of random worlds such as random-circuit".into(),
+                found: "none".into(),
+            });
+        }
+        Ok(())
+    }
+}
+
+/// A ready network by name, or a network file.
+pub fn find_network(name: &str) -> Result<Network, LearnError> {
+    Ok(if name.ends_with(".toml") || name.contains(['/', '\\']) {
+        Network::load(Path::new(name))?
+    } else {
+        Network::named(name)?
+    })
+}
+
+/// What a round brought.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Round {
+    /// Its number; 0 is the expert's.
+    pub number: u32,
+    /// Frames learned from, all rounds together.
+    pub frames: usize,
+    /// Drives made to gather this round's frames.
+    pub drives: usize,
+    /// How many of them strayed from the road.
+    pub strayed: usize,
+    /// Training loss at its end.
+    pub loss: f64,
+    /// Runs of the trial that were completed, of how many.
+    pub trial: Option<[usize; 2]>,
+    /// Mean lane error of the trial (m).
+    pub lane_error_m: Option<f64>,
+}
+
+/// What is said on the way.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Stage {
+    /// Gathering frames: so many of so many.
+    Gathering(u32, usize, usize),
+    /// Training: part done, running loss.
+    Training(u32, f64, f64),
+    /// Driving the trial: so many of so many.
+    Trial(u32, usize, usize),
+    /// A round is over.
+    Round(Round),
+}
+
+/// The result of an experiment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Learned {
+    /// The network with all that a driver needs.
+    pub model: Model,
+    /// Every round.
+    pub rounds: Vec<Round>,
+    /// The last training.
+    pub history: Vec<Epoch>,
+    /// Whether somebody interrupted: the same command goes on.
+    pub interrupted: bool,
+}
+
+/// Runs an experiment in a folder, where everything is kept: started again after an interruption it goes on, to the same end.
+pub fn learn(
+    learning: &Learning,
+    folder: &Path,
+    interrupted: &(dyn Fn() -> bool + Sync),
+    tell: &(dyn Fn(Stage) + Sync),
+) -> Result<Learned, LearnError> {
+    learning.check()?;
+    let network = learning.resolve_network()?;
+    let input = learning.resolve_input(&network)?;
+    let answers = Answers {
+        is_turn: learning.answers.iter().map(|answer| answer.is_turn()).collect(),
+    };
+    std::fs::create_dir_all(folder).map_err(|source| LearnError::io(folder, source))?;
+    same_experiment(learning, &folder.join("experiment.toml"))?;
+
+    let mut model = Model {
+        weights: Weights::initialised(&network, learning.training.initialisation, learning.seed),
+        network,
+        input,
+        outputs: learning
+            .answers
+            .iter()
+            .map(|answer| OutputSpec {
+                name: answer.name().to_owned(),
+                unit: answer.unit().to_owned(),
+            })
+            .collect(),
+        provenance: provenance(learning),
+    };
+    let mut all = Samples::new(model.input.len(), learning.answers.len());
+    let mut rounds: Vec<Round> = Vec::new();
+    let mut drives = 0usize;
+    let mut history = Vec::new();
+    for number in 0..=learning.rounds {
+        let file = |kind: &str| folder.join(format!("round-{number}.{kind}"));
+        // A round that was finished before is read back.
+        if let Some((samples, round)) = store::read_round(&file("samples"), &file("json"))? {
+            drives += round.drives;
+            all.append(&samples);
+            if number == learning.rounds {
+                model = Model::load(&file("senda"))?;
+                history = store::read_history(&folder.join("history.json")).unwrap_or_default();
+            } else {
+                model.weights = Model::load(&file("senda"))?.weights;
+            }
+            tell(Stage::Round(round.clone()));
+            rounds.push(round);
+            continue;
+        }
+        let frames = if number == 0 {
+            learning.expert_frames
+        } else {
+            learning.round_frames
+        };
+        let (samples, new_drives, strayed) = correct::gather(
+            &learning.gathering,
+            &model.input,
+            &learning.answers,
+            (number > 0).then_some(&model),
+            frames,
+            drives as u64,
+            learning.seed,
+            &|done| tell(Stage::Gathering(number, done, frames)),
+            interrupted,
+        )?;
+        if interrupted() {
+            return Ok(unfinished(model, rounds, history));
+        }
+        drives += new_drives;
+        all.append(&samples);
+
+        let last = number == learning.rounds;
+        let options = if last {
+            learning.training.clone()
+        } else {
+            Training {
+                epochs: learning.round_epochs,
+                schedule: crate::train::Schedule::Constant,
+                seed: learning.training.seed + 1 + u64::from(number),
+                ..learning.training.clone()
+            }
+        };
+        let mut ears = Ears {
+            progress: Box::new(|_| {}),
+            interrupted: Box::new(interrupted),
+            clock_ns: Box::new(|| 0),
+        };
+        let trained = train(
+            &model.network,
+            model.weights.clone(),
+            &model.input,
+            &answers,
+            &all,
+            &Samples::new(all.frame_len, all.outputs),
+            &options,
+            Some(&file("checkpoint")),
+            &mut ears,
+            &mut |news| {
+                if let News::Step { done, of, loss } = news {
+                    tell(Stage::Training(number, done as f64 / of.max(1) as f64, loss));
+                }
+            },
+        )?;
+        if trained.interrupted {
+            return Ok(unfinished(model, rounds, history));
+        }
+        let loss = trained.history.last().map_or(0.0, |epoch| epoch.training_loss);
+        model.weights = trained.weights;
+        if last {
+            history = trained.history;
+        }
+        model.save(&file("senda"))?;
+        let (trial, lane_error_m) = if learning.trial.runs > 0 {
+            match drive_trial(learning, &file("senda"), interrupted, &|done, of| {
+                tell(Stage::Trial(number, done, of))
+            })? {
+                Some((rate, error)) => (Some(rate), error),
+                None => return Ok(unfinished(model, rounds, history)),
+            }
+        } else {
+            (None, None)
+        };
+        let round = Round {
+            number,
+            frames: all.len(),
+            drives: new_drives,
+            strayed,
+            loss,
+            trial,
+            lane_error_m,
+        };
+        if last {
+            store::write_json(&folder.join("history.json"), &history)?;
+            model.provenance.metrics = metrics(&rounds, &round);
+            model.save(&file("senda"))?;
+        }
+        store::write_round(&file("samples"), &file("json"), &samples, &round)?;
+        // The next rounds do not need it.
+        let _ = std::fs::remove_file(file("checkpoint"));
+        tell(Stage::Round(round.clone()));
+        rounds.push(round);
+    }
+    Ok(Learned {
+        model,
+        rounds,
+        history,
+        interrupted: false,
+    })
+}
+
+fn unfinished(model: Model, rounds: Vec<Round>, history: Vec<Epoch>) -> Learned {
+    Learned {
+        model,
+        rounds,
+        history,
+        interrupted: true,
+    }
+}
+
+/// A folder belongs to one experiment.
+fn same_experiment(learning: &Learning, path: &Path) -> Result<(), LearnError> {
+    match std::fs::read_to_string(path) {
+        Ok(text) => {
+            let threads_do_not_count = |learning: &Learning| {
+                let mut learning = learning.clone();
+                learning.training.threads = 0;
+                learning
+            };
+            let there: Option<Learning> = toml::from_str(&text).ok();
+            if there.as_ref().map(threads_do_not_count) != Some(threads_do_not_count(learning)) {
+                return Err(LearnError::Checkpoint {
+                    path: path.to_owned(),
+                    reason: "its options are others".into(),
+                });
+            }
+            Ok(())
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            std::fs::write(path, learning.to_toml()).map_err(|source| LearnError::io(path, source))
+        }
+        Err(source) => Err(LearnError::io(path, source)),
+    }
+}
+
+fn provenance(learning: &Learning) -> Provenance {
+    let gathering = &learning.gathering;
+    Provenance {
+        senda: env!("CARGO_PKG_VERSION").to_owned(),
+        commit: senda_run::COMMIT.to_owned(),
+        data: vec![format!(
+            "{} frames by the expert, {} rounds of {} frames corrected by it (DAgger)",
+            learning.expert_frames, learning.rounds, learning.round_frames
+        )],
+        worlds: gathering
+            .families
+            .iter()
+            .map(|family| format!("{family}, seeds from {}", gathering.first_world))
+            .collect(),
+        seed: learning.seed,
+        ..Provenance::default()
+    }
+}
+
+fn metrics(earlier: &[Round], last: &Round) -> serde_json::Map<String, serde_json::Value> {
+    let rounds: Vec<_> = earlier.iter().chain([last]).collect();
+    match serde_json::json!({"rounds": rounds}) {
+        serde_json::Value::Object(map) => map,
+        _ => serde_json::Map::new(),
+    }
+}
+
+/// Drives the trial; `None`: interrupted.
+type TrialResult = Option<([usize; 2], Option<f64>)>;
+
+fn drive_trial(
+    learning: &Learning,
+    model: &Path,
+    interrupted: &(dyn Fn() -> bool + Sync),
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<TrialResult, LearnError> {
+    let plan = trial_plan(
+        &learning.trial,
+        &learning.gathering.vehicle,
+        learning.gathering.image_px,
+        model,
+    );
+    let lines = sweep::run(&plan, None, progress, interrupted, &|| 0)?;
+    if lines.len() < learning.trial.runs {
+        return Ok(None);
+    }
+    let summaries: Vec<_> = lines.iter().filter_map(|line| line.summary.as_ref()).collect();
+    let completed = summaries.iter().filter(|summary| summary.completed).count();
+    let errors: Vec<f64> = summaries
+        .iter()
+        .filter_map(|summary| summary.lane_error_mean_m)
+        .collect();
+    let mean = (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64);
+    Ok(Some(([completed, lines.len()], mean)))
+}
+
+/// The runs of a trial.
+pub fn trial_plan(trial: &Trial, vehicle: &str, image_px: Option<[u32; 2]>, model: &Path) -> Plan {
+    let mut base = Scenario::new(
+        trial.worlds.first().map_or("oval-lane", String::as_str),
+        vehicle,
+        "neural",
+    );
+    base.speed_mps = Some(trial.speed_mps);
+    base.image_px = image_px;
+    base.driver_options
+        .insert("model".into(), toml::Value::String(model.display().to_string()));
+    Plan {
+        worlds: trial.worlds.clone(),
+        both_directions: true,
+        sample: Some(trial.runs),
+        ..Plan::once(base)
+    }
+}
+
+/// The rate of completed runs with its interval.
+pub fn success(trial: [usize; 2]) -> Rate {
+    rate(trial[0] as u64, trial[1] as u64)
+}
+
+/// Where a finished experiment's model lies in its folder.
+pub fn model_path(learning: &Learning, folder: &Path) -> PathBuf {
+    folder.join(format!("round-{}.senda", learning.rounds))
+}

@@ -1,0 +1,139 @@
+//! Frames as a network sees them, with what it should answer.
+
+use std::ops::Range;
+
+/// A run inside [`Samples`]: frames in order of time, from one world. Sequences and splits never cut across it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Run {
+    /// Where it came from: a file, or a world and a seed.
+    pub name: String,
+    /// The world or circuit it was driven on; empty where nobody knows. Splits keep a world on one side.
+    pub world: String,
+    /// Its frames.
+    pub frames: Range<usize>,
+}
+
+/// Prepared frames and targets. Pixels are kept as bytes, channel after channel, row after row, as
+/// [`senda_nets::Preparer`] makes them; targets are in the units of the network's outputs.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Samples {
+    /// Bytes of one frame.
+    pub frame_len: usize,
+    /// Targets of one frame.
+    pub outputs: usize,
+    /// All frames one after the other.
+    pub pixels: Vec<u8>,
+    /// All targets one after the other.
+    pub targets: Vec<f32>,
+    /// The runs, in order, without gaps.
+    pub runs: Vec<Run>,
+}
+
+impl Samples {
+    /// No samples yet, of this shape.
+    pub fn new(frame_len: usize, outputs: usize) -> Self {
+        Self {
+            frame_len,
+            outputs,
+            ..Self::default()
+        }
+    }
+
+    /// Number of frames.
+    pub fn len(&self) -> usize {
+        self.targets.len() / self.outputs.max(1)
+    }
+
+    /// Whether there is no frame.
+    pub fn is_empty(&self) -> bool {
+        self.targets.is_empty()
+    }
+
+    /// Begins a run; frames pushed from now on belong to it.
+    pub fn begin_run(&mut self, name: &str, world: &str) {
+        let start = self.len();
+        self.runs.push(Run {
+            name: name.to_owned(),
+            world: world.to_owned(),
+            frames: start..start,
+        });
+    }
+
+    /// Adds a frame to the run that was begun last.
+    ///
+    /// # Panics
+    /// When the lengths do not fit, or no run was begun.
+    pub fn push(&mut self, pixels: &[u8], targets: &[f32]) {
+        assert_eq!((pixels.len(), targets.len()), (self.frame_len, self.outputs));
+        self.pixels.extend_from_slice(pixels);
+        self.targets.extend_from_slice(targets);
+        let end = self.len();
+        self.runs.last_mut().expect("a run was begun").frames.end = end;
+    }
+
+    /// Adds all runs of another set of the same shape.
+    ///
+    /// # Panics
+    /// When the shapes differ.
+    pub fn append(&mut self, other: &Self) {
+        assert_eq!((self.frame_len, self.outputs), (other.frame_len, other.outputs));
+        let shift = self.len();
+        self.pixels.extend_from_slice(&other.pixels);
+        self.targets.extend_from_slice(&other.targets);
+        self.runs.extend(other.runs.iter().map(|run| Run {
+            frames: run.frames.start + shift..run.frames.end + shift,
+            ..run.clone()
+        }));
+    }
+
+    /// One frame's pixels.
+    pub fn frame(&self, index: usize) -> &[u8] {
+        &self.pixels[index * self.frame_len..(index + 1) * self.frame_len]
+    }
+
+    /// One frame's targets.
+    pub fn target(&self, index: usize) -> &[f32] {
+        &self.targets[index * self.outputs..(index + 1) * self.outputs]
+    }
+
+    /// A copy of part of every run: what `keep` answers for a run's length (a range within it).
+    pub fn part(&self, keep: impl Fn(&Run) -> Range<usize>) -> Self {
+        let mut out = Self::new(self.frame_len, self.outputs);
+        for run in &self.runs {
+            let kept = keep(run);
+            if kept.is_empty() {
+                continue;
+            }
+            out.begin_run(&run.name, &run.world);
+            for index in kept {
+                out.push(
+                    self.frame(run.frames.start + index),
+                    self.target(run.frames.start + index),
+                );
+            }
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_stay_whole_when_sets_are_joined_and_cut() {
+        let mut a = Samples::new(2, 1);
+        a.begin_run("a", "oval");
+        a.push(&[1, 2], &[0.1]);
+        a.push(&[3, 4], &[0.2]);
+        let mut b = Samples::new(2, 1);
+        b.begin_run("b", "");
+        b.push(&[5, 6], &[0.3]);
+        a.append(&b);
+        assert_eq!((a.len(), a.runs[1].frames.clone()), (3, 2..3));
+        assert_eq!((a.frame(2), a.target(1)), (&[5, 6][..], &[0.2][..]));
+        let last = a.part(|run| run.frames.len() - 1..run.frames.len());
+        assert_eq!((last.pixels, last.runs.len()), (vec![3, 4, 5, 6], 2));
+        assert!(a.part(|_| 0..0).is_empty());
+    }
+}

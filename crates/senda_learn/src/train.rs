@@ -1,0 +1,424 @@
+//! Training: epochs over samples, the best weights kept, resumable after a kill at any moment to the same result.
+
+use crate::augment::{Answers, Augmentation, augment};
+use crate::checkpoint;
+use crate::{LearnError, Samples};
+use rand::{SeedableRng, seq::SliceRandom};
+use rand_chacha::ChaCha8Rng;
+use senda_nets::{Initialisation, InputSpec, Network, TrainOptions, Trainer, Weights};
+use senda_run::Ears;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// How to train. The default is A9 in SPEC: Adam at 1e-3, batches of 32, mean squared error, ten epochs, the best kept.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Training {
+    /// Passes over the training samples.
+    pub epochs: u32,
+    /// How fresh weights are drawn.
+    pub initialisation: Initialisation,
+    /// Samples a step.
+    pub batch: usize,
+    /// Adam's step size at the beginning.
+    pub learning_rate: f64,
+    /// How it changes.
+    pub schedule: Schedule,
+    /// Stop when validation has not improved for this many epochs; 0: never.
+    pub patience: u32,
+    /// Frames with a large answer count up to 1 + this times as much as frames that go straight.
+    pub curve_weight: f64,
+    /// Changes to training frames.
+    pub augmentation: Augmentation,
+    /// Seed of the order, the changes and of dropout.
+    pub seed: u64,
+    /// Threads; 0: one for each core. The result does not depend on it.
+    pub threads: usize,
+}
+
+impl Default for Training {
+    fn default() -> Self {
+        Self {
+            epochs: 10,
+            initialisation: Initialisation::default(),
+            batch: 32,
+            learning_rate: 1e-3,
+            schedule: Schedule::Constant,
+            patience: 0,
+            curve_weight: 0.0,
+            augmentation: Augmentation::default(),
+            seed: 1,
+            threads: 0,
+        }
+    }
+}
+
+/// How the learning rate changes over the epochs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Schedule {
+    /// Not at all.
+    #[default]
+    Constant,
+    /// Down to a fiftieth along a smooth curve (3x² - 2x³), step by step.
+    Smooth,
+}
+
+impl Schedule {
+    /// The factor at a part 0..=1 of the way.
+    fn factor(self, part: f64) -> f64 {
+        match self {
+            Self::Constant => 1.0,
+            Self::Smooth => 1.0 - 0.98 * part * part * (3.0 - 2.0 * part),
+        }
+    }
+}
+
+impl Training {
+    /// Refuses what cannot be trained with.
+    pub fn check(&self) -> Result<(), LearnError> {
+        let wrong = |key, expected: &str, found: String| {
+            Err(LearnError::Option {
+                key,
+                expected: expected.to_owned(),
+                found,
+            })
+        };
+        if self.epochs == 0 || self.epochs > 100_000 {
+            return wrong("epochs", "1 to 100000", self.epochs.to_string());
+        }
+        if self.batch == 0 || self.batch > 65_536 {
+            return wrong("batch", "1 to 65536", self.batch.to_string());
+        }
+        if !(self.learning_rate > 0.0 && self.learning_rate <= 10.0) {
+            return wrong(
+                "learning_rate",
+                "more than 0, at most 10",
+                self.learning_rate.to_string(),
+            );
+        }
+        if !(0.0..=1000.0).contains(&self.curve_weight) {
+            return wrong("curve_weight", "0 to 1000", self.curve_weight.to_string());
+        }
+        match self.augmentation.fault() {
+            Some((key, range, value)) => wrong(key, range, value.to_string()),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What an epoch brought.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Epoch {
+    /// Its number, from 1.
+    pub number: u32,
+    /// Mean loss over the training batches, as they were trained.
+    pub training_loss: f64,
+    /// Errors on the validation samples; `None` where there are none.
+    pub validation: Option<Errors>,
+    /// Learning rate at its end.
+    pub learning_rate: f64,
+}
+
+/// Errors of the first output over samples, in that output's units.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Errors {
+    /// Mean squared error over all outputs: the loss without weights.
+    pub mean_squared: f64,
+    /// Mean absolute error of the first output.
+    pub mean_absolute: f64,
+    /// Mean absolute error of always answering the median.
+    pub of_constant_median: f64,
+    /// Correlation of answer and target (Pearson); 0 where one of them does not vary.
+    pub correlation: f64,
+    /// Number of samples.
+    pub count: usize,
+}
+
+/// A trained network's weights and how it went.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trained {
+    /// The weights of the best epoch: least validation error, else the last epoch's.
+    pub weights: Weights,
+    /// Which epoch that was.
+    pub best_epoch: u32,
+    /// All epochs.
+    pub history: Vec<Epoch>,
+    /// Whether somebody interrupted.
+    pub interrupted: bool,
+}
+
+/// What is said while training.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum News {
+    /// Steps done of all steps, with the running loss.
+    Step {
+        /// Done.
+        done: u64,
+        /// Of how many.
+        of: u64,
+        /// Mean loss of this epoch so far.
+        loss: f64,
+    },
+    /// An epoch is over.
+    Epoch(Epoch),
+}
+
+/// Trains `weights` on `training`, judged by `validation` (may be empty). With a `checkpoint` file, the state is kept there after
+/// every epoch and training goes on from it if it exists; the end is the same as without interruption.
+pub fn train(
+    network: &Network,
+    weights: Weights,
+    input: &InputSpec,
+    answers: &Answers,
+    training: &Samples,
+    validation: &Samples,
+    options: &Training,
+    checkpoint: Option<&Path>,
+    ears: &mut Ears,
+    news: &mut dyn FnMut(News),
+) -> Result<Trained, LearnError> {
+    options.check()?;
+    if training.is_empty() {
+        return Err(LearnError::NoFrames {
+            what: "training".into(),
+            help: "record some with `senda drive --record`, or give other data".into(),
+        });
+    }
+    let mut trainer = Trainer::new(
+        network.clone(),
+        weights,
+        TrainOptions {
+            learning_rate: options.learning_rate as f32,
+            threads: options.threads,
+            seed: options.seed,
+            ..TrainOptions::default()
+        },
+    )?;
+    let fingerprint = checkpoint::fingerprint(network, options, training, validation);
+    let mut progress = match checkpoint {
+        Some(path) => checkpoint::load(path, &fingerprint, &mut trainer)?,
+        None => None,
+    }
+    .unwrap_or_default();
+
+    let mut assembler = Assembler::new(input, answers, options, training);
+    let steps_per_epoch = training.len().div_ceil(options.batch) as u64;
+    let of = steps_per_epoch * u64::from(options.epochs);
+    let mut order: Vec<usize> = Vec::new();
+    for number in progress.history.len() as u32 + 1..=options.epochs {
+        if options.patience > 0 && number > progress.best_epoch + options.patience && progress.best_epoch > 0
+        {
+            break;
+        }
+        order.clear();
+        order.extend(0..training.len());
+        let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+        rng.set_stream(u64::from(number));
+        order.shuffle(&mut rng);
+        let (mut loss_sum, mut count) = (0.0, 0usize);
+        let mut learning_rate = 0.0;
+        for (step, batch) in order.chunks(options.batch).enumerate() {
+            if (ears.interrupted)() {
+                progress.interrupted = true;
+                return Ok(progress.finish(trainer.weights()));
+            }
+            let done = u64::from(number - 1) * steps_per_epoch + step as u64;
+            learning_rate = options.learning_rate * options.schedule.factor(done as f64 / of as f64);
+            trainer.set_learning_rate(learning_rate as f32);
+            assembler.assemble(batch, number);
+            let weights = (options.curve_weight > 0.0).then_some(&assembler.weights[..]);
+            let loss = f64::from(trainer.step(&assembler.inputs, &assembler.targets, weights));
+            if !loss.is_finite() {
+                return Err(LearnError::Diverged {
+                    steps: done,
+                    learning_rate,
+                });
+            }
+            loss_sum += loss * batch.len() as f64;
+            count += batch.len();
+            (ears.progress)((done + 1) as f64 / of as f64);
+            news(News::Step {
+                done: done + 1,
+                of,
+                loss: loss_sum / count as f64,
+            });
+        }
+        let judged = (!validation.is_empty()).then(|| errors(&mut trainer, input, validation, options.batch));
+        let epoch = Epoch {
+            number,
+            training_loss: loss_sum / count.max(1) as f64,
+            validation: judged,
+            learning_rate,
+        };
+        progress.epoch(epoch, trainer.weights());
+        if let Some(path) = checkpoint {
+            checkpoint::save(path, &fingerprint, &trainer, &progress)?;
+        }
+        news(News::Epoch(epoch));
+    }
+    Ok(progress.finish(trainer.weights()))
+}
+
+/// What a checkpoint keeps besides the trainer.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Progress {
+    pub(crate) history: Vec<Epoch>,
+    pub(crate) best: Option<Weights>,
+    pub(crate) best_epoch: u32,
+    pub(crate) interrupted: bool,
+}
+
+impl Progress {
+    fn epoch(&mut self, epoch: Epoch, weights: &Weights) {
+        let error = |epoch: &Epoch| {
+            epoch
+                .validation
+                .map_or(-f64::from(epoch.number), |e| e.mean_squared)
+        };
+        let best = self.history.iter().map(error).fold(f64::INFINITY, f64::min);
+        if error(&epoch) < best {
+            self.best = Some(weights.clone());
+            self.best_epoch = epoch.number;
+        }
+        self.history.push(epoch);
+    }
+
+    fn finish(self, last: &Weights) -> Trained {
+        Trained {
+            weights: self.best.unwrap_or_else(|| last.clone()),
+            best_epoch: self.best_epoch,
+            history: self.history,
+            interrupted: self.interrupted,
+        }
+    }
+}
+
+/// Puts batches together; its buffers are reused.
+struct Assembler<'a> {
+    input: &'a InputSpec,
+    answers: &'a Answers,
+    options: &'a Training,
+    samples: &'a Samples,
+    shape: [usize; 3],
+    frame: Vec<u8>,
+    inputs: Vec<f32>,
+    targets: Vec<f32>,
+    weights: Vec<f32>,
+}
+
+impl<'a> Assembler<'a> {
+    fn new(input: &'a InputSpec, answers: &'a Answers, options: &'a Training, samples: &'a Samples) -> Self {
+        Self {
+            input,
+            answers,
+            options,
+            samples,
+            shape: [input.channels(), input.height, input.width],
+            frame: vec![0; samples.frame_len],
+            inputs: Vec::new(),
+            targets: Vec::new(),
+            weights: Vec::new(),
+        }
+    }
+
+    /// Every sample's changes depend on the seed, the epoch and the sample alone.
+    fn assemble(&mut self, batch: &[usize], epoch: u32) {
+        let length = self.samples.frame_len;
+        self.inputs.resize(batch.len() * length, 0.0);
+        self.targets.clear();
+        self.weights.clear();
+        for (place, index) in batch.iter().enumerate() {
+            let mut rng = ChaCha8Rng::seed_from_u64(self.options.seed ^ 0xa5a5_5a5a);
+            rng.set_stream((u64::from(epoch) << 40) | *index as u64);
+            self.frame.copy_from_slice(self.samples.frame(*index));
+            let from = self.targets.len();
+            self.targets.extend_from_slice(self.samples.target(*index));
+            augment(
+                &self.options.augmentation,
+                self.shape,
+                &mut self.frame,
+                &mut self.targets[from..],
+                self.answers,
+                &mut rng,
+            );
+            let largest = self.targets[from..]
+                .iter()
+                .fold(0.0f32, |most, target| most.max(target.abs()));
+            self.weights
+                .push(1.0 + self.options.curve_weight as f32 * largest.min(1.0));
+            self.input.normalise(
+                &self.frame,
+                &mut self.inputs[place * length..(place + 1) * length],
+            );
+        }
+    }
+}
+
+/// Answers for all samples, in order.
+pub fn answer(trainer: &mut Trainer, input: &InputSpec, samples: &Samples, batch: usize) -> Vec<f32> {
+    let mut inputs = Vec::new();
+    let mut answers = vec![0.0; samples.len() * samples.outputs];
+    for first in (0..samples.len()).step_by(batch) {
+        let last = (first + batch).min(samples.len());
+        inputs.resize((last - first) * samples.frame_len, 0.0);
+        input.normalise(
+            &samples.pixels[first * samples.frame_len..last * samples.frame_len],
+            &mut inputs,
+        );
+        trainer.predict(
+            &inputs,
+            &mut answers[first * samples.outputs..last * samples.outputs],
+        );
+    }
+    answers
+}
+
+/// Errors of the network in a trainer, dropout off.
+pub fn errors(trainer: &mut Trainer, input: &InputSpec, samples: &Samples, batch: usize) -> Errors {
+    let answers = answer(trainer, input, samples, batch);
+    compare(&answers, &samples.targets, samples.outputs)
+}
+
+/// Errors of answers against targets, both with `outputs` values a sample.
+pub fn compare(answers: &[f32], targets: &[f32], outputs: usize) -> Errors {
+    let count = targets.len() / outputs.max(1);
+    if count == 0 {
+        return Errors::default();
+    }
+    let squared: f64 = answers
+        .iter()
+        .zip(targets)
+        .map(|(a, t)| (f64::from(*a) - f64::from(*t)).powi(2))
+        .sum();
+    let first =
+        |values: &[f32]| -> Vec<f64> { values.iter().step_by(outputs).map(|v| f64::from(*v)).collect() };
+    let (answers, targets) = (first(answers), first(targets));
+    let n = count as f64;
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / n;
+    let (mean_a, mean_t) = (mean(&answers), mean(&targets));
+    let product = |x: &[f64], mx: f64, y: &[f64], my: f64| -> f64 {
+        x.iter().zip(y).map(|(x, y)| (x - mx) * (y - my)).sum()
+    };
+    let spread =
+        (product(&answers, mean_a, &answers, mean_a) * product(&targets, mean_t, &targets, mean_t)).sqrt();
+    let mut sorted = targets.clone();
+    sorted.sort_by(f64::total_cmp);
+    let median = sorted[sorted.len() / 2];
+    Errors {
+        mean_squared: squared / (n * outputs as f64),
+        mean_absolute: answers
+            .iter()
+            .zip(&targets)
+            .map(|(a, t)| (a - t).abs())
+            .sum::<f64>()
+            / n,
+        of_constant_median: targets.iter().map(|t| (t - median).abs()).sum::<f64>() / n,
+        correlation: if spread > 0.0 {
+            product(&answers, mean_a, &targets, mean_t) / spread
+        } else {
+            0.0
+        },
+        count,
+    }
+}
