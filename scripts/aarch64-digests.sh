@@ -48,6 +48,30 @@ cargo test --locked --target "$target" --lib $(packages "${whole[@]}") 2>&1 | te
 # shellcheck disable=SC2046
 cargo test --locked --target "$target" --lib --tests $(packages "${pinned[@]}") -- digest golden 2>&1 | tee -a "$log"
 
+# The whole program: the same runs on both processors, compared byte by byte.
+cargo build --locked -p senda
+cargo build --locked --target "$target" -p senda
+runs=$(mktemp -d)
+trap 'rm -rf "$log" "$runs"' EXIT
+target_dir=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
+
+drive() {
+  "$target_dir/debug/senda" drive "$@" --record "$runs/x86-64" >/dev/null
+  qemu-aarch64 -L /usr/aarch64-linux-gnu "$target_dir/$target/debug/senda" drive "$@" --record "$runs/aarch64" >/dev/null
+}
+
+drive --world s-curves --driver line --floor glossy-speckled --light lamp --time-limit 5
+drive --world circuit-2 --driver lane --vehicle picar --light bright --time-limit 5
+drive --world hard-curves --driver expert --floor wood --time-limit 5
+for recording in "$runs"/x86-64/*.mcap; do
+  name=$(basename "$recording")
+  if ! cmp "$recording" "$runs/aarch64/$name"; then
+    echo "aarch64-digests: $name differs between x86-64 and aarch64" >&2
+    exit 1
+  fi
+  echo "aarch64-digests: $name: $(stat -c %s "$recording") bytes, equal on both"
+done
+
 passed=$(grep -c '^test .* ok$' "$log" || true)
 pinned_passed=$(grep -Ec '^test .*(digest|golden).* ok$' "$log" || true)
 if [ "$pinned_passed" = 0 ]; then
