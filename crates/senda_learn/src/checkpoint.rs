@@ -133,7 +133,7 @@ pub(crate) fn load(
         .collect();
     Ok(Some(Progress {
         history: head.history,
-        best: (!best.is_empty()).then(|| Weights { values: best }),
+        best: (!best.is_empty()).then_some(Weights { values: best }),
         best_epoch: head.best_epoch,
         interrupted: false,
     }))

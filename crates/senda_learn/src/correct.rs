@@ -73,21 +73,45 @@ struct Drive {
     strayed: bool,
 }
 
+/// What is gathered, and how frames and answers are prepared.
+#[derive(Clone, Copy)]
+pub struct Brief<'a> {
+    /// Where and how it is driven.
+    pub gathering: &'a Gathering,
+    /// How frames are prepared.
+    pub input: &'a InputSpec,
+    /// What the network shall answer.
+    pub answers: &'a [Answer],
+    /// Seed of everything.
+    pub seed: u64,
+}
+
+/// What came of it.
+pub struct Gathered {
+    /// Frames with the expert's answers.
+    pub samples: Samples,
+    /// Drives made.
+    pub drives: usize,
+    /// How many of them strayed from the road.
+    pub strayed: usize,
+}
+
 /// Gathers about `frames` frames (whole drives, so a few more): the model drives, or without one the expert. Drives are
 /// numbered from `first_drive`; number and seed decide everything about a drive, so threads do not matter.
-///
-/// Returns the samples, the number of drives and how many of them strayed from the road.
 pub fn gather(
-    gathering: &Gathering,
-    input: &InputSpec,
-    answers: &[Answer],
+    brief: &Brief,
     model: Option<&Model>,
     frames: usize,
     first_drive: u64,
-    seed: u64,
     progress: &(dyn Fn(usize) + Sync),
     interrupted: &(dyn Fn() -> bool + Sync),
-) -> Result<(Samples, usize, usize), LearnError> {
+) -> Result<Gathered, LearnError> {
+    let Brief {
+        gathering,
+        input,
+        answers,
+        ..
+    } = *brief;
     let mut spec = senda_run::scenario::find_vehicle(&gathering.vehicle)?;
     if let Some([width, height]) = gathering.image_px {
         spec = spec.with_camera_size(width, height);
@@ -102,7 +126,7 @@ pub fn gather(
         let group: Vec<Drive> = (first..first + GROUP)
             .into_par_iter()
             .map(|number| {
-                let drive = one(gathering, &spec, input, answers, model, number, seed)?;
+                let drive = one(brief, &spec, model, number)?;
                 progress(gathered.fetch_add(drive.samples.len(), Ordering::Relaxed) + drive.samples.len());
                 Ok(drive)
             })
@@ -113,18 +137,20 @@ pub fn gather(
             all.append(&drive.samples);
         }
     }
-    Ok((all, drives, strayed))
+    Ok(Gathered {
+        samples: all,
+        drives,
+        strayed,
+    })
 }
 
-fn one(
-    gathering: &Gathering,
-    spec: &VehicleSpec,
-    input: &InputSpec,
-    answers: &[Answer],
-    model: Option<&Model>,
-    number: u64,
-    seed: u64,
-) -> Result<Drive, LearnError> {
+fn one(brief: &Brief, spec: &VehicleSpec, model: Option<&Model>, number: u64) -> Result<Drive, LearnError> {
+    let Brief {
+        gathering,
+        input,
+        answers,
+        seed,
+    } = *brief;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(number);
     let family = &gathering.families[rng.random_range(0..gathering.families.len())];

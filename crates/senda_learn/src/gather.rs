@@ -35,6 +35,9 @@ impl Default for Selection {
     }
 }
 
+/// Pixels and targets of a frame, or why there are none.
+type Prepared = Result<(Vec<u8>, Vec<f32>), String>;
+
 /// Reads recordings (MCAP files, tubs, Udacity folders, named frames, folders of those) and prepares their frames. A frame that
 /// cannot be read is left out with a warning; it never costs the data set.
 pub fn recordings(
@@ -104,7 +107,7 @@ fn add(
             continue;
         }
         // Frames are prepared on all cores, in order.
-        let prepared: Vec<Option<Result<(Vec<u8>, Vec<f32>), String>>> = kept
+        let prepared: Vec<Option<Prepared>> = kept
             .par_iter()
             .map_init(
                 || (Image::default(), None),

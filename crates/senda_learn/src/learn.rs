@@ -1,8 +1,8 @@
 //! The whole path in one: the expert drives, a network learns, drives itself, is corrected, learns again.
 
 use crate::augment::Answers;
-use crate::correct::{self, Gathering};
-use crate::train::{Epoch, News, Training, train};
+use crate::correct::{self, Brief, Gathered, Gathering};
+use crate::train::{Epoch, Lesson, News, Training, train};
 use crate::{LearnError, Samples, store};
 use senda_drivers::Answer;
 use senda_eval::statistics::{Rate, rate};
@@ -280,14 +280,20 @@ pub fn learn(
         } else {
             learning.round_frames
         };
-        let (samples, new_drives, strayed) = correct::gather(
-            &learning.gathering,
-            &model.input,
-            &learning.answers,
+        let Gathered {
+            samples,
+            drives: new_drives,
+            strayed,
+        } = correct::gather(
+            &Brief {
+                gathering: &learning.gathering,
+                input: &model.input,
+                answers: &learning.answers,
+                seed: learning.seed,
+            },
             (number > 0).then_some(&model),
             frames,
             drives as u64,
-            learning.seed,
             &|done| tell(Stage::Gathering(number, done, frames)),
             interrupted,
         )?;
@@ -314,14 +320,16 @@ pub fn learn(
             clock_ns: Box::new(|| 0),
         };
         let trained = train(
-            &model.network,
+            &Lesson {
+                network: &model.network,
+                input: &model.input,
+                answers: &answers,
+                training: &all,
+                validation: &Samples::new(all.frame_len, all.outputs),
+                options: &options,
+                checkpoint: Some(&file("checkpoint")),
+            },
             model.weights.clone(),
-            &model.input,
-            &answers,
-            &all,
-            &Samples::new(all.frame_len, all.outputs),
-            &options,
-            Some(&file("checkpoint")),
             &mut ears,
             &mut |news| {
                 if let News::Step { done, of, loss } = news {

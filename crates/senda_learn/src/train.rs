@@ -164,20 +164,41 @@ pub enum News {
     Epoch(Epoch),
 }
 
-/// Trains `weights` on `training`, judged by `validation` (may be empty). With a `checkpoint` file, the state is kept there after
-/// every epoch and training goes on from it if it exists; the end is the same as without interruption.
+/// What is trained, on what, and how.
+pub struct Lesson<'a> {
+    /// The layers.
+    pub network: &'a Network,
+    /// How frames were prepared.
+    pub input: &'a InputSpec,
+    /// Which outputs turn with the picture.
+    pub answers: &'a Answers,
+    /// What is learned.
+    pub training: &'a Samples,
+    /// What judges; may be empty.
+    pub validation: &'a Samples,
+    /// How.
+    pub options: &'a Training,
+    /// Where the state is kept after every epoch. If the file is there, training goes on from it; the end is the same as
+    /// without interruption.
+    pub checkpoint: Option<&'a Path>,
+}
+
+/// Trains a network from these weights on.
 pub fn train(
-    network: &Network,
+    lesson: &Lesson,
     weights: Weights,
-    input: &InputSpec,
-    answers: &Answers,
-    training: &Samples,
-    validation: &Samples,
-    options: &Training,
-    checkpoint: Option<&Path>,
     ears: &mut Ears,
     news: &mut dyn FnMut(News),
 ) -> Result<Trained, LearnError> {
+    let Lesson {
+        network,
+        input,
+        answers,
+        training,
+        validation,
+        options,
+        checkpoint,
+    } = *lesson;
     options.check()?;
     if training.is_empty() {
         return Err(LearnError::NoFrames {
@@ -190,7 +211,11 @@ pub fn train(
         weights,
         TrainOptions {
             learning_rate: options.learning_rate as f32,
-            threads: options.threads,
+            threads: if options.threads == 0 {
+                rayon::current_num_threads()
+            } else {
+                options.threads
+            },
             seed: options.seed,
             ..TrainOptions::default()
         },

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// What a network sees of a camera frame. In a model file it says all that a driver needs.
 ///
-/// The frame is cropped, shrunk by averaging areas, taken to the colour space and rounded to bytes; a network's input is
+/// The frame is cropped, shrunk by averaging areas (enlarged linearly), taken to the colour space and rounded to bytes; a network's input is
 /// `byte * scale + offset`, channel after channel, row after row.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -178,6 +178,9 @@ const ONE: u32 = 4096;
 fn taps(length: usize, cut_before: f64, cut_after: f64, count: usize) -> Vec<Tap> {
     let from = cut_before * length as f64;
     let size = (length as f64 * (1.0 - cut_after) - from).max(1.0) / count.max(1) as f64;
+    if size < 1.0 {
+        return enlarging_taps(length, from, size, count);
+    }
     (0..count)
         .map(|i| {
             let low = (from + i as f64 * size).clamp(0.0, length as f64 - 1e-6);
@@ -195,6 +198,23 @@ fn taps(length: usize, cut_before: f64, cut_after: f64, count: usize) -> Vec<Tap
             if let Some(largest) = weights.iter_mut().max() {
                 *largest = *largest + ONE - sum;
             }
+            Tap { first, weights }
+        })
+        .collect()
+}
+
+/// Where a target pixel is smaller than a source pixel: linear between the two nearest.
+fn enlarging_taps(length: usize, from: f64, size: f64, count: usize) -> Vec<Tap> {
+    (0..count)
+        .map(|i| {
+            let centre = (from + (i as f64 + 0.5) * size - 0.5).clamp(0.0, (length - 1) as f64);
+            let first = (centre as usize).min(length.saturating_sub(2));
+            let second = ((centre - first as f64) * f64::from(ONE)).round() as u32;
+            let weights = if length > 1 {
+                vec![ONE - second, second]
+            } else {
+                vec![ONE]
+            };
             Tap { first, weights }
         })
         .collect()

@@ -10,7 +10,7 @@ use senda_learn::{
     gather::{self, Selection},
     learn::find_network,
     split::split,
-    train::{self, News, Training},
+    train::{self, Lesson, News, Training},
 };
 use senda_nets::{Colour, Crop, InputSpec, Model, OutputSpec, Provenance, Weights};
 use serde::{Deserialize, Serialize};
@@ -261,14 +261,16 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     };
     bar.set_message("training");
     let trained = train::train(
-        &network,
+        &Lesson {
+            network: &network,
+            input: &input,
+            answers: &answers,
+            training: &training,
+            validation: &validation,
+            options: &experiment.training,
+            checkpoint: checkpoint.as_deref(),
+        },
         weights,
-        &input,
-        &answers,
-        &training,
-        &validation,
-        &experiment.training,
-        checkpoint.as_deref(),
         &mut terminal::ears(&bar),
         &mut |news| match news {
             News::Step { loss, .. } => bar.set_message(format!("training, loss {loss:.5}")),
