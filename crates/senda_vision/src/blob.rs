@@ -160,14 +160,14 @@ impl Scale {
 
     /// Whether a blob is about as wide as a line; `profile` is for the image in use.
     pub(crate) fn is_fragment(&self, blob: &LineBlob, profile: &WidthProfile) -> bool {
-        let (mut n, mut sum) = (0.0, 0.0);
-        for row in blob.rows.iter().filter(|row| !row.at_edge) {
-            n += 1.0;
-            sum += row.width_px / profile.at(row.v).max(1.0);
-        }
         // Measured: dashes 1.0 to 1.3 (more where they lean), specks of a speckled floor 0.5 to 0.95. Tape of 1.5 cm
         // where 2 cm are expected should pass too.
-        n >= 3.0 && (0.75..2.5).contains(&(sum / n))
+        mean_width(blob, profile).is_some_and(|width| (0.75..2.5).contains(&width))
+    }
+
+    /// Whether a blob may contain a piece of a line: a reflection that melts with one makes it wider.
+    pub(crate) fn is_piece(&self, blob: &LineBlob, profile: &WidthProfile) -> bool {
+        mean_width(blob, profile).is_some_and(|width| (0.75..4.0).contains(&width))
     }
 
     /// Whether a blob's rows have the even width of a painted line; `profile` is for the image in use. Blobs with few
@@ -231,6 +231,16 @@ impl Scale {
             None => Ok(()),
         }
     }
+}
+
+/// Mean width of a blob's whole rows as a multiple of the expected width; `None` with fewer than three.
+fn mean_width(blob: &LineBlob, profile: &WidthProfile) -> Option<f64> {
+    let (mut n, mut sum) = (0.0, 0.0);
+    for row in blob.rows.iter().filter(|row| !row.at_edge) {
+        n += 1.0;
+        sum += row.width_px / profile.at(row.v).max(1.0);
+    }
+    (n >= 3.0).then(|| sum / n)
 }
 
 #[cfg(test)]

@@ -16,6 +16,8 @@ pub(crate) struct BlobPool {
 }
 
 const NONE: u32 = u32::MAX;
+/// Room for the rows of a line through a small picture; longer blobs make their own once.
+const ROWS_EXPECTED: usize = 128;
 
 /// The thresholded picture's grey values, with [`FINE_BITS`], from row `top` on.
 #[derive(Clone, Copy)]
@@ -39,7 +41,10 @@ impl BlobPool {
     /// An empty blob at the end of the list.
     pub(crate) fn push(&mut self) -> &mut LineBlob {
         if self.found == self.blobs.len() {
-            self.blobs.push(LineBlob::default());
+            self.blobs.push(LineBlob {
+                rows: Vec::with_capacity(ROWS_EXPECTED),
+                ..LineBlob::default()
+            });
         }
         self.found += 1;
         let blob = &mut self.blobs[self.found - 1];
