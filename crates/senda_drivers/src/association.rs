@@ -1,7 +1,7 @@
 //! How a candidate lies beside a remembered path: the question by which both drivers match frames.
 
-use crate::path_memory::PathMemory;
-use crate::sight::FloorPoint;
+use crate::path_memory::{PathMemory, TrackOptions};
+use crate::sight::{Candidate, FloorPoint};
 use senda_geom::{Pose2, Vec2, angle, trig};
 
 /// A candidate beside a path.
@@ -19,6 +19,14 @@ pub(crate) struct Beside {
 
 /// A line turns by less than this against its path (rad): 40°, a guess between tight curves and reflections.
 pub(crate) const TURN_LIMIT_RAD: f64 = 0.7;
+/// Pieces are at least this long (m): about as long as a line is wide.
+const PIECE_LEAST_M: f64 = 0.02;
+/// Their points scatter by less than this (m, median).
+const PIECE_SPREAD_M: f64 = 0.008;
+/// They turn by less than this (rad).
+const PIECE_TURN_RAD: f64 = 0.4;
+/// They end no further beyond the remembered path than this (m).
+const PIECE_BEYOND_M: f64 = 0.15;
 /// Points further beyond the remembered piece than this say nothing about the candidate (m).
 const BEYOND_LIMIT_M: f64 = 0.5;
 /// Fewer points than this are no line.
@@ -64,6 +72,30 @@ pub(crate) fn beside(
         turn_rad,
         range_m: at.length(),
     })
+}
+
+/// Whether a piece of a line ([`crate::sight::Sight::look_closer`]) lies at an offset from the path and along it: more
+/// closely than a whole line must, since specks and reflections are many.
+pub(crate) fn is_piece_at(
+    path: &PathMemory,
+    piece: &Candidate,
+    offset_m: f64,
+    track: &TrackOptions,
+    now_from_exposure: Pose2,
+    scratch: &mut Vec<f64>,
+) -> bool {
+    let (Some(near), Some(far)) = (piece.points.first(), piece.points.last()) else {
+        return false;
+    };
+    let reach_m = path.ahead_of(Vec2::ZERO) + PIECE_BEYOND_M;
+    let far_m = now_from_exposure.transform(far.at).length();
+    (far.at - near.at).length() >= PIECE_LEAST_M
+        && far_m < reach_m
+        && beside(path, &piece.points, now_from_exposure, scratch).is_some_and(|beside| {
+            (beside.offset_m - offset_m).abs() < 0.5 * track.gate_m + track.gate_slope * beside.range_m
+                && beside.spread_m < PIECE_SPREAD_M
+                && beside.turn_rad.abs() < PIECE_TURN_RAD
+        })
 }
 
 /// Direction of a line at one of its points: least squares over `reach_m` to both sides, and over at least five points.
@@ -113,7 +145,6 @@ fn median(values: &mut [f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::path_memory::TrackOptions;
 
     fn line(from: Vec2, to: Vec2) -> Vec<FloorPoint> {
         (0..=20)

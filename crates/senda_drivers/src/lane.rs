@@ -213,7 +213,7 @@ impl Driver for LaneDriver {
                     }
                     Lane::Curve(lane) => {
                         let lost_m = self.helm.loss.lost_s() * self.options.speed.cruise_mps;
-                        lane.update(&self.sight, now_from_exposure, &track, lost_m)
+                        lane.update(&mut self.sight, now_from_exposure, &track, lost_m)
                     }
                 };
             }

@@ -1,7 +1,7 @@
 //! The lane as a remembered middle with a width: which blobs are its lines, and where they put the middle.
 
 use crate::along_path::AlongPath;
-use crate::association::{Beside, POINTS_LEAST, TURN_LIMIT_RAD, beside, direction_at};
+use crate::association::{Beside, POINTS_LEAST, TURN_LIMIT_RAD, beside, direction_at, is_piece_at};
 use crate::lane::LaneShape;
 use crate::lane_pair::{Pair, PairSearch};
 use crate::path_memory::{PathMemory, TrackOptions};
@@ -55,6 +55,7 @@ pub(crate) struct CurveLane {
     order: AlongPath,
     strange_frames: u32,
     undecided_frames: u32,
+    empty_frames: u32,
     unmatched_frames: u32,
     pairs: PairSearch,
     scratch: RefCell<Vec<f64>>,
@@ -66,8 +67,12 @@ const STRANGE_FRAMES: u32 = 4;
 pub(crate) const UNMATCHED_FRAMES: u32 = 3;
 /// ... except for this much ahead of the axle (m).
 pub(crate) const TRUSTED_AHEAD_M: f64 = 0.12;
+/// After so many frames without any line one that the picture's side cuts must do, or the other contrast.
+const EMPTY_FRAMES: u32 = 10;
 /// After so many frames that show lines but no lane, the strongest line must do.
 const UNDECIDED_FRAMES: u32 = 10;
+/// A single line nearer than this part of half the vehicle's width is below it, not beside it: wheels stand on neither.
+const ON_THE_LINE_PART: f64 = 0.5;
 /// Part of the difference by which a frame that shows both lines changes the lane's width.
 const WIDTH_LEARNED: f64 = 0.1;
 /// A line between the two counts as one after so many frames in which it kept its place: reflections do not.
@@ -78,7 +83,7 @@ const BETWEEN_STEADY_M: f64 = 0.015;
 const TANGENT_M: f64 = 0.04;
 
 impl CurveLane {
-    /// `beside_m`: a single line further away than this is beside the vehicle, not below it.
+    /// `beside_m`: half the vehicle's width, or at what distance else a single line is followed.
     pub(crate) fn new(shape: LaneShape, beside_m: f64) -> Self {
         Self {
             beside_m,
@@ -93,6 +98,7 @@ impl CurveLane {
             order: AlongPath::default(),
             strange_frames: 0,
             undecided_frames: 0,
+            empty_frames: 0,
             unmatched_frames: 0,
             pairs: PairSearch::default(),
             scratch: RefCell::new(Vec::new()),
@@ -123,17 +129,14 @@ impl CurveLane {
     /// One frame. Whether it showed the lane.
     pub(crate) fn update(
         &mut self,
-        sight: &Sight,
+        sight: &mut Sight,
         now_from_exposure: Pose2,
         track: &TrackOptions,
         lost_m: f64,
     ) -> bool {
-        let candidates = sight.candidates();
+        let candidates = sight.whole();
         self.roles.clear();
         self.roles.resize(candidates.len(), Role::Stranger);
-        if candidates.is_empty() {
-            return false;
-        }
         if self.memory.is_empty() {
             return self.begin(sight, now_from_exposure, track);
         }
@@ -148,6 +151,11 @@ impl CurveLane {
         }
         self.assign(candidates, now_from_exposure, track, lost_m);
         self.collect(candidates, now_from_exposure);
+        if self.seen.len() < POINTS_LEAST {
+            self.assign_pieces(sight, now_from_exposure, track);
+            self.collect(sight.candidates(), now_from_exposure);
+        }
+        let candidates = sight.whole();
         if self.seen.len() >= POINTS_LEAST {
             // A remembered point of the middle counts as in view when one of the lines beside it is.
             let half = Vec2::new(0.0, 0.5 * self.width_m.unwrap_or(0.0));
@@ -156,6 +164,11 @@ impl CurveLane {
             });
             if believed {
                 (self.strange_frames, self.unmatched_frames) = (0, 0);
+                for (index, role) in self.roles.iter().enumerate() {
+                    if matches!(role, Role::Left | Role::Right | Role::Single) {
+                        sight.learn(index);
+                    }
+                }
                 return true;
             }
         }
@@ -206,7 +219,23 @@ impl CurveLane {
         }
     }
 
-    fn begin(&mut self, sight: &Sight, now_from_exposure: Pose2, track: &TrackOptions) -> bool {
+    fn begin(&mut self, sight: &mut Sight, now_from_exposure: Pose2, track: &TrackOptions) -> bool {
+        if sight.whole().is_empty() {
+            // Perhaps a line that the picture's side cuts; else perhaps lines of the other contrast.
+            self.empty_frames += 1;
+            if self.empty_frames <= EMPTY_FRAMES {
+                return false;
+            }
+            sight.look_aside();
+            self.roles.resize(sight.candidates().len(), Role::Stranger);
+            if sight.candidates().is_empty() {
+                self.empty_frames = 0;
+                sight.doubt();
+                return false;
+            }
+        } else {
+            self.empty_frames = 0;
+        }
         let candidates = sight.candidates();
         if let Some(pair) = self.best_pair(candidates, now_from_exposure, track, 0.8) {
             self.enter(&pair, sight, now_from_exposure, track);
@@ -229,9 +258,10 @@ impl CurveLane {
             return true;
         };
         let distance_m = state.d_m.abs();
-        if distance_m > self.beside_m {
-            // Standing far from the line the vehicle is not in the middle, or the line is not of this lane.
-            let guess_m = (2.0 * distance_m).min(0.75 * self.shape.widest_m);
+        if distance_m > ON_THE_LINE_PART * self.beside_m {
+            // A lane has room for the vehicle; but standing far from the line the vehicle is not in the middle, or the
+            // line is not of this lane.
+            let guess_m = (2.0 * distance_m.max(self.beside_m)).min(0.75 * self.shape.widest_m);
             let width_m = self.shape.width_m.unwrap_or(guess_m);
             let side = if state.d_m > 0.0 { Role::Left } else { Role::Right };
             self.memory.shift(if side == Role::Left {
@@ -252,7 +282,7 @@ impl CurveLane {
 
     /// Takes over a pair as the lane.
     fn enter(&mut self, pair: &Pair, sight: &Sight, now_from_exposure: Pose2, track: &TrackOptions) {
-        let candidates = sight.candidates();
+        let candidates = sight.whole();
         self.roles.iter_mut().for_each(|role| *role = Role::Stranger);
         self.roles[pair.left] = Role::Left;
         self.roles[pair.right] = Role::Right;
@@ -307,6 +337,24 @@ impl CurveLane {
             };
         }
         self.learn(candidates, now_from_exposure);
+    }
+
+    /// No whole candidate is one of the lines, but perhaps dashes or what reflections leave of them.
+    fn assign_pieces(&mut self, sight: &mut Sight, now_from_exposure: Pose2, track: &TrackOptions) {
+        sight.look_closer();
+        let half_m = 0.5 * self.width_m.unwrap_or(0.0);
+        let places: &[(Role, f64)] = if self.known == Width::OneLine {
+            &[(Role::Single, 0.0)]
+        } else {
+            &[(Role::Left, half_m), (Role::Right, -half_m)]
+        };
+        for piece in &sight.candidates()[sight.whole().len()..] {
+            let scratch = &mut self.scratch.borrow_mut();
+            let place = places.iter().find(|(_, offset_m)| {
+                is_piece_at(&self.memory, piece, *offset_m, track, now_from_exposure, scratch)
+            });
+            self.roles.push(place.map_or(Role::Stranger, |(role, _)| *role));
+        }
     }
 
     /// Width of the lane, and where a line between the two runs.

@@ -1,7 +1,7 @@
 //! `line`: follows one line by camera (C3 to C7, C9, C10, C12).
 
 use crate::along_path::AlongPath;
-use crate::association::{POINTS_LEAST, TURN_LIMIT_RAD, beside};
+use crate::association::{POINTS_LEAST, TURN_LIMIT_RAD, beside, is_piece_at};
 use crate::follow::{FollowOptions, Form, LineState};
 use crate::helm::{GOAL_COLOR, Helm, LINE_COLOR, PATH_COLOR, Percept, REFUSED_COLOR};
 use crate::lane_curve::{TRUSTED_AHEAD_M, UNMATCHED_FRAMES};
@@ -179,9 +179,8 @@ impl LineDriver {
     fn choose_on_path(&mut self) {
         let track = self.options.track;
         let lost_m = self.helm.loss.lost_s() * self.options.speed.cruise_mps;
-        let candidates = self.sight.candidates();
         if !self.memory.is_empty() {
-            for (index, candidate) in candidates.iter().enumerate() {
+            for (index, candidate) in self.sight.whole().iter().enumerate() {
                 if fits(
                     &self.memory,
                     &candidate.points,
@@ -192,10 +191,14 @@ impl LineDriver {
                     self.accepted.push(index);
                 }
             }
+            if self.accepted.is_empty() {
+                self.accept_pieces();
+            }
             if !self.accepted.is_empty() {
                 (self.elsewhere_frames, self.unmatched_frames) = (0, 0);
                 return;
             }
+            let candidates = self.sight.whole();
             // A wrong end of the memory can keep everything from matching: without it the next frame may.
             self.unmatched_frames += u32::from(!candidates.is_empty());
             if self.unmatched_frames >= UNMATCHED_FRAMES {
@@ -203,6 +206,7 @@ impl LineDriver {
                 self.memory.shorten(TRUSTED_AHEAD_M);
             }
         }
+        let candidates = self.sight.whole();
         let Some(group) = self.group.dominant(
             candidates,
             self.options.choice.dominance,
@@ -230,15 +234,47 @@ impl LineDriver {
         }
     }
 
-    /// Standing before several equal candidates for a while: the one nearest to straight ahead.
+    /// No whole candidate is on the remembered path, but perhaps dashes or what a reflection leaves of the line.
+    fn accept_pieces(&mut self) {
+        self.sight.look_closer();
+        let whole = self.sight.whole().len();
+        for (index, piece) in self.sight.candidates().iter().enumerate().skip(whole) {
+            let on_path = is_piece_at(
+                &self.memory,
+                piece,
+                0.0,
+                &self.options.track,
+                Pose2::default(),
+                &mut self.group.scratch,
+            );
+            if on_path {
+                self.accepted.push(index);
+            }
+        }
+    }
+
+    /// Standing before several equal candidates for a while: the one nearest to straight ahead. Standing before none: a
+    /// line that the picture's side cuts, and then perhaps the contrast is the other one.
     fn choose_undecided(&mut self) {
-        let waiting = self.helm.mode() == Mode::NeverSeen && !self.sight.candidates().is_empty();
-        self.undecided_s = if waiting {
-            self.undecided_s + self.helm.dt_s()
-        } else {
-            0.0
-        };
-        if self.undecided_s < self.options.choice.undecided_s || !self.accepted.is_empty() {
+        if self.helm.mode() != Mode::NeverSeen || !self.accepted.is_empty() {
+            self.undecided_s = 0.0;
+            return;
+        }
+        self.undecided_s += self.helm.dt_s();
+        let limit_s = self.options.choice.undecided_s;
+        if self.sight.whole().is_empty() {
+            if self.undecided_s > 0.5 * limit_s {
+                self.sight.look_aside();
+                if self.sight.candidates().is_empty() {
+                    self.undecided_s = 0.0;
+                    self.sight.doubt();
+                } else {
+                    self.accepted.push(0);
+                }
+            }
+            return;
+        }
+        if self.undecided_s < limit_s {
             return;
         }
         let distance =
@@ -267,6 +303,9 @@ impl LineDriver {
         if self.accepted.len() > 1 {
             self.order.sort(&self.memory, &self.seen);
             self.order.put(&mut self.seen);
+        }
+        for index in &self.accepted {
+            self.sight.learn(*index);
         }
         if let Some(first) = self.accepted.first() {
             self.last_u_px = Some(self.sight.candidates()[*first].centroid.x);

@@ -4,7 +4,9 @@ use crate::follow::LineState;
 use crate::options::{DriverError, check};
 use senda_core::{Body, Explanation, Frame, Observation, Stamp};
 use senda_geom::{Camera, Vec2, trig};
-use senda_vision::{Contrast, ExtractorOptions, FloorMap, LineBlob, LineExtractor, Statistics, WidthProfile};
+use senda_vision::{
+    Contrast, ExtractorOptions, FloorMap, LineBlob, LineExtractor, LineJoiner, Statistics, WidthProfile,
+};
 use serde::{Deserialize, Serialize};
 
 /// Whether lines are dark or light.
@@ -68,11 +70,29 @@ pub(crate) struct FloorPoint {
     pub(crate) step_m: f64,
 }
 
+/// How a line looks: what a piece of it must resemble.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Look {
+    /// Mean residue (grey levels).
+    pub(crate) strength: f64,
+    /// Width across the line as a multiple of the expected width.
+    pub(crate) breadth: f64,
+}
+
+impl Look {
+    /// Whether a piece stands out about as much: a speck of the floor does not, and a lamp's image does more.
+    fn is_like(self, piece: &LineBlob) -> bool {
+        (0.5..2.5).contains(&(piece.residue_mean / self.strength))
+    }
+}
+
 /// A blob that may be a line, with its places on the floor.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Candidate {
     /// C5's score.
     pub(crate) score: f64,
+    /// How it looks.
+    pub(crate) look: Look,
     /// Centre of mass in the picture (px).
     pub(crate) centroid: Vec2,
     /// Its place on the floor (vehicle frame, m), where it has one.
@@ -95,8 +115,15 @@ pub(crate) struct Sight {
     votes: [f64; 2],
     settled: bool,
     last_stamp: Option<Stamp>,
+    /// How the line looks, once followed.
+    known: Option<Look>,
     candidates: Vec<Candidate>,
     count: usize,
+    /// So many of them are whole; the others are pieces.
+    whole: usize,
+    /// The contrast voted for has shown nothing: this one is tried.
+    tried: Option<Contrast>,
+    tries: u32,
     statistics: Statistics,
 }
 
@@ -105,6 +132,7 @@ struct Eye {
     extractor: LineExtractor,
     map: FloorMap,
     profile: WidthProfile,
+    joiner: LineJoiner,
 }
 
 /// Images smaller than this to a side show nothing (px).
@@ -115,6 +143,21 @@ const ROWS_LIMIT: usize = 40;
 const ROW_TOO_WIDE: f64 = 2.5;
 /// And a row this much narrower than the blob's other rows is its end, where it tapers.
 const ROW_TOO_NARROW: f64 = 0.7;
+/// Rows of a whole candidate may differ from the line's known breadth by this factor: a lamp's image that touches the line
+/// is wider, exposure and wear change less.
+const BREADTH_OF_WHOLE: f64 = 1.8;
+/// Rows of a piece.
+const BREADTH_OF_PIECE: f64 = 1.4;
+/// Part of the difference by which a frame changes how the line is known to look.
+const LOOK_LEARNED: f64 = 0.1;
+/// Both contrasts.
+const TRIES_BEFORE_DASHES: u32 = 2;
+/// So many pieces of lines are looked at, those with the largest scores.
+const PIECES_LIMIT: usize = 16;
+/// With less than this part of its rows whole a blob is cut by the picture's side.
+const CUT_PART: f64 = 0.3;
+/// A line cut by the picture's side must fill this part of its rows to begin with.
+const LEAST_ROWS_ASIDE: f64 = 0.2;
 /// C9's second point is this many rows up in an image of 240 rows.
 const SECOND_POINT_ROWS: f64 = 10.0;
 
@@ -149,8 +192,12 @@ impl Sight {
             votes: [0.0; 2],
             settled: options.contrast != ContrastChoice::Auto,
             last_stamp: None,
+            known: None,
             candidates: Vec::new(),
             count: 0,
+            whole: 0,
+            tried: None,
+            tries: 0,
             statistics: Statistics::default(),
         })
     }
@@ -168,7 +215,7 @@ impl Sight {
 
     /// Looks at a frame; afterwards [`Sight::candidates`] are those of this frame.
     pub(crate) fn look(&mut self, frame: &Frame) {
-        self.count = 0;
+        self.close();
         self.statistics = Statistics::default();
         let (width, height) = (frame.image.width(), frame.image.height());
         if width < SMALLEST_SIDE_PX || height < SMALLEST_SIDE_PX {
@@ -185,10 +232,13 @@ impl Sight {
                 extractor: LineExtractor::new(width, height, &profile, self.options.extractor.clone()),
                 map: FloorMap::from_camera(&self.camera, width, height),
                 profile,
+                joiner: LineJoiner::default(),
             });
         }
         let Some(eye) = &mut self.eye else { return };
-        if !self.settled {
+        if let Some(tried) = self.tried {
+            self.contrast = Some(tried);
+        } else if !self.settled {
             let scores = eye.extractor.contrast_scores(&frame.image);
             self.votes = [
                 0.8 * self.votes[0] + scores.dark,
@@ -203,31 +253,108 @@ impl Sight {
             });
         }
         let contrast = self.contrast.unwrap_or(Contrast::Dark);
-        let blobs = eye.extractor.extract(&frame.image, contrast);
-        for blob in blobs {
-            if self.count == self.candidates.len() {
-                self.candidates.push(Candidate::default());
-            }
-            describe(
-                blob,
-                &eye.map,
-                &eye.profile,
-                &self.options,
-                &mut self.candidates[self.count],
-            );
-            self.count += 1;
+        for blob in eye.extractor.extract(&frame.image, contrast) {
+            let rows = match self.known {
+                _ if blob.whole_part() < CUT_PART => Rows::Cut,
+                Some(look) => Rows::AsBroadAs(look.breadth, BREADTH_OF_WHOLE),
+                None => Rows::Whole,
+            };
+            let candidate = next(&mut self.candidates, &mut self.count);
+            describe(blob, &eye.map, &eye.profile, &self.options, rows, candidate);
         }
         self.statistics = eye.extractor.statistics();
+        if self.count == 0 && !self.settled && self.tries >= TRIES_BEFORE_DASHES {
+            // To begin with dashes, each of which is too small to be a line. Specks make chains too: only when neither
+            // contrast shows anything better.
+            eye.extractor.fragments();
+            let limits = &self.options.extractor.limits;
+            let (blobs, fragments) = (eye.extractor.blobs(), eye.extractor.found_fragments());
+            for blob in eye.joiner.join(blobs, fragments, &eye.map, limits) {
+                let candidate = next(&mut self.candidates, &mut self.count);
+                describe(
+                    blob,
+                    &eye.map,
+                    &eye.profile,
+                    &self.options,
+                    Rows::Whole,
+                    candidate,
+                );
+            }
+        }
+        self.whole = self.count;
     }
 
-    /// The candidates of the last frame, largest score first.
+    /// The candidate of this index is the line, or one of its lines: pieces must look like it from now on.
+    pub(crate) fn learn(&mut self, index: usize) {
+        if index < self.whole {
+            let seen = self.candidates[index].look;
+            let known = self.known.get_or_insert(seen);
+            known.strength += LOOK_LEARNED * (seen.strength - known.strength);
+            known.breadth += LOOK_LEARNED * (seen.breadth - known.breadth);
+        }
+    }
+
+    /// Looks at the same frame again for pieces of the line: dashes, and what reflections leave of it. They follow the
+    /// whole candidates, and count as a line only where one is expected. Before a line was followed: a line that the
+    /// picture's side cuts.
+    pub(crate) fn look_closer(&mut self) {
+        let Some(look) = self.known else {
+            return self.look_aside();
+        };
+        self.count = self.whole;
+        let Some(eye) = &mut self.eye else { return };
+        let pieces = eye.extractor.pieces().iter().filter(|piece| look.is_like(piece));
+        for blob in pieces.take(PIECES_LIMIT) {
+            let candidate = next(&mut self.candidates, &mut self.count);
+            let rows = Rows::AsBroadAs(look.breadth, BREADTH_OF_PIECE);
+            describe(blob, &eye.map, &eye.profile, &self.options, rows, candidate);
+        }
+    }
+
+    /// Looks at the same frame again for a line that the picture's side cuts; the one that stands out most, if any. For
+    /// beginning in a curve, when nothing better is in sight.
+    pub(crate) fn look_aside(&mut self) {
+        self.count = self.whole;
+        let Some(eye) = &mut self.eye else { return };
+        let least_rows = LEAST_ROWS_ASIDE * eye.map.height() as f64;
+        let shown = |blob: &LineBlob| blob.residue_mean * blob.rows.len() as f64;
+        let cut = |blob: &&LineBlob| blob.whole_part() < CUT_PART && blob.rows.len() as f64 > least_rows;
+        let most = eye
+            .extractor
+            .pieces()
+            .iter()
+            .filter(cut)
+            .max_by(|a, b| shown(a).total_cmp(&shown(b)));
+        if let Some(blob) = most {
+            let candidate = next(&mut self.candidates, &mut self.count);
+            describe(blob, &eye.map, &eye.profile, &self.options, Rows::Cut, candidate);
+        }
+    }
+
+    /// The candidates of the last frame: the whole ones, largest score first, then the pieces.
     pub(crate) fn candidates(&self) -> &[Candidate] {
         &self.candidates[..self.count]
     }
 
+    /// The whole candidates of the last frame.
+    pub(crate) fn whole(&self) -> &[Candidate] {
+        &self.candidates[..self.whole]
+    }
+
     /// Forgets the last frame's candidates: there is no new frame.
     pub(crate) fn close(&mut self) {
-        self.count = 0;
+        (self.count, self.whole) = (0, 0);
+    }
+
+    /// Nothing was found for a while: from now on the other contrast.
+    pub(crate) fn doubt(&mut self) {
+        if !self.settled {
+            self.tries += 1;
+            self.tried = Some(match self.contrast {
+                Some(Contrast::Dark) => Contrast::Light,
+                Some(Contrast::Light) | None => Contrast::Dark,
+            });
+        }
     }
 
     /// The contrast is right: a line has been tracked with it.
@@ -299,15 +426,44 @@ impl Sight {
     }
 }
 
+/// The next candidate of a frame, in memory that earlier frames used.
+fn next<'a>(candidates: &'a mut Vec<Candidate>, count: &mut usize) -> &'a mut Candidate {
+    if *count == candidates.len() {
+        candidates.push(Candidate {
+            points: Vec::with_capacity(ROWS_LIMIT),
+            pixels: Vec::with_capacity(ROWS_LIMIT),
+            ..Candidate::default()
+        });
+    }
+    *count += 1;
+    &mut candidates[*count - 1]
+}
+
+/// Which rows of a blob are believed to show a line's middle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Rows {
+    /// Those about as wide as the blob's others.
+    Whole,
+    /// Those about as wide as a known line, whose breadth this is; by up to the factor.
+    AsBroadAs(f64, f64),
+    /// All; where the picture's side cuts them the middle is half the expected width from the side in sight.
+    Cut,
+}
+
 /// Fills in a candidate from a blob.
 fn describe(
     blob: &LineBlob,
     map: &FloorMap,
     profile: &WidthProfile,
     options: &SightOptions,
+    rows: Rows,
     candidate: &mut Candidate,
 ) {
     candidate.score = blob.score;
+    candidate.look = Look {
+        strength: blob.residue_mean,
+        breadth: breadth(blob, profile),
+    };
     candidate.centroid = blob.centroid;
     let rows_up = SECOND_POINT_ROWS * map.height() as f64 / 240.0;
     let [first, second] = blob.two_points(rows_up);
@@ -319,12 +475,21 @@ fn describe(
     let usual = usual_width(blob, profile);
     let mut last_u = None;
     // Rows come from the top; nearer floor is further down.
-    for row in blob.rows.iter().rev().step_by(every) {
+    for (index, row) in blob.rows.iter().enumerate().rev().step_by(every) {
         let expected = profile.at(row.v).max(1.0);
-        if row.at_edge
-            || row.width_px > ROW_TOO_WIDE * expected + 1.0
-            || row.width_px < ROW_TOO_NARROW * usual * expected
-        {
+        let believed = match rows {
+            Rows::Whole => {
+                !row.at_edge
+                    && row.width_px <= ROW_TOO_WIDE * expected + 1.0
+                    && row.width_px >= ROW_TOO_NARROW * usual * expected
+            }
+            Rows::AsBroadAs(breadth, factor) => {
+                let across = row.width_px * upright_part(blob, index) / expected;
+                !row.at_edge && across < factor * breadth && breadth < factor * across
+            }
+            Rows::Cut => true,
+        };
+        if !believed {
             continue;
         }
         let pixel = Vec2::new(row.u, row.v);
@@ -344,7 +509,10 @@ fn describe(
         }
         last_u = Some(row.u);
         // Half a pixel, and what a wrong tilt of half a degree does at that distance.
-        let sigma_m = 0.5 * (beside - at).length() + 0.01 * at.length();
+        let mut sigma_m = 0.5 * (beside - at).length() + 0.01 * at.length();
+        if row.at_edge {
+            sigma_m += 0.3 * options.line_width_m;
+        }
         let step_m = (above - at).length() * every as f64;
         candidate.points.push(FloorPoint { at, sigma_m, step_m });
         candidate.pixels.push([row.u as f32, row.v as f32]);
@@ -422,6 +590,29 @@ fn usual_width(blob: &LineBlob, profile: &WidthProfile) -> f64 {
     for row in blob.rows.iter().filter(|row| !row.at_edge) {
         let expected = profile.at(row.v).max(1.0);
         (sum, count) = (sum + (row.width_px / expected).min(ROW_TOO_WIDE), count + 1.0);
+    }
+    if count > 0.0 { sum / count } else { 1.0 }
+}
+
+/// Cosine of the line's lean in the picture at one of a blob's rows: what makes of a row's width the width across.
+fn upright_part(blob: &LineBlob, index: usize) -> f64 {
+    const REACH: usize = 3;
+    let first = &blob.rows[index.saturating_sub(REACH)];
+    let last = &blob.rows[(index + REACH).min(blob.rows.len() - 1)];
+    let (along, aside) = (last.v - first.v, last.u - first.u);
+    if along > 0.0 {
+        along / (along * along + aside * aside).sqrt()
+    } else {
+        1.0
+    }
+}
+
+/// Mean width across a blob's whole rows, as a multiple of the expected width.
+fn breadth(blob: &LineBlob, profile: &WidthProfile) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (index, row) in blob.rows.iter().enumerate().filter(|(_, row)| !row.at_edge) {
+        let across = row.width_px * upright_part(blob, index) / profile.at(row.v).max(1.0);
+        (sum, count) = (sum + across.min(ROW_TOO_WIDE), count + 1.0);
     }
     if count > 0.0 { sum / count } else { 1.0 }
 }

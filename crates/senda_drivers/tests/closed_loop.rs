@@ -7,7 +7,7 @@ use senda_drivers::{
     ContrastChoice, Form, LaneDriver, LaneOptions, LineDriver, LineOptions, LossOptions, WhileLost,
 };
 use senda_geom::{Curve, Pose2};
-use support::{Floor, Lap, Loop, circle, gopigo, kit_car, s_curve, straight};
+use support::{Floor, Lap, Loop, Watched, circle, gopigo, kit_car, s_curve, straight};
 
 /// Options for the vehicle of these tests, which has one period of delay and no lag.
 fn line(form: Form, speed_mps: f64) -> LineOptions {
@@ -113,17 +113,58 @@ fn light_lines_and_small_images_are_followed_as_well() {
 
 #[test]
 fn a_dashed_line_is_joined() {
-    // C5's limits refuse single dashes of 14 cm and less of one line: whoever follows dashes must lower them.
-    let path = s_curve(0.5);
-    let mut floor = Floor::around(&path, 0.7, 170);
-    floor.dashes(&path, 0.018, 40, 0.14, 0.05);
-    floor.speckle(20);
-    let mut options = line(Form::Curve, 0.13);
-    let limits = &mut options.sight.extractor.limits;
-    (limits.score, limits.ellipticity) = (8_000.0, 1.2);
-    limits.compact.clear();
-    let lap = drive_line(&path, &floor, options, (160, 120));
-    arrives(&lap, path.length_m() - 0.55, 0.006, 0.02);
+    // C5's limits refuse every single one of these dashes.
+    for (dash_m, gap_m) in [(0.14, 0.05), (0.10, 0.05), (0.08, 0.04)] {
+        let path = s_curve(0.5);
+        let mut floor = Floor::around(&path, 0.7, 170);
+        floor.dashes(&path, 0.018, 40, dash_m, gap_m);
+        floor.speckle(20);
+        let body = gopigo(160, 120);
+        let mut run = Loop::new(&body, &floor, &path);
+        run.goal_m = path.length_m() - 0.55;
+        let mut driver = Watched::new(LineDriver::new(&body, line(Form::Curve, 0.13)).unwrap());
+        let lap = run.drive(&mut driver);
+        arrives(&lap, run.goal_m, 0.006, 0.02);
+        assert!(
+            driver.longest_gap < 10,
+            "{dash_m} {gap_m}: {}",
+            driver.longest_gap
+        );
+    }
+}
+
+#[test]
+fn lamps_mirrored_on_a_line_leave_enough_of_it() {
+    let path = circle(0.3);
+    for (floor_level, line_level, left_m) in [(170, 40, 0.0), (90, 200, 0.03)] {
+        let mut floor = one_line(&path, floor_level, line_level);
+        for i in 0..6 {
+            let at = path.pose_at(0.4 + 0.25 * f64::from(i));
+            floor.disc(at.position() + at.left() * left_m, 0.025, 255);
+        }
+        let body = gopigo(160, 120);
+        let mut run = Loop::new(&body, &floor, &path);
+        run.goal_m = path.length_m() - 0.55;
+        let mut driver = Watched::new(LineDriver::new(&body, line(Form::Curve, 0.13)).unwrap());
+        let lap = run.drive(&mut driver);
+        arrives(&lap, run.goal_m, 0.006, 0.02);
+        assert!(driver.longest_gap < 10, "{line_level}: {}", driver.longest_gap);
+    }
+}
+
+#[test]
+fn a_line_that_leaves_the_picture_at_its_side_is_enough_to_begin_with() {
+    let path = circle(0.25);
+    for (floor_level, line_level) in [(170, 40), (90, 225)] {
+        let floor = one_line(&path, floor_level, line_level);
+        let body = gopigo(123, 92);
+        let mut run = Loop::new(&body, &floor, &path);
+        run.start = path.pose_at(0.3).compose(Pose2::new(0.0, 0.0, -0.15));
+        run.start_station_m = 0.3;
+        run.goal_m = 1.0;
+        let lap = run.drive(&mut LineDriver::new(&body, line(Form::Curve, 0.13)).unwrap());
+        arrives(&lap, 1.0, 0.02, 0.05);
+    }
 }
 
 /// C16: where the vehicle starts, when it is on the line for good (s), and how far it was from it.
@@ -307,6 +348,21 @@ fn a_wide_lane_is_a_matter_of_options() {
     run.goal_m = path.length_m() - 0.7;
     let lap = run.drive(&mut LaneDriver::new(&body, options).unwrap());
     arrives(&lap, run.goal_m, 0.015, 0.03);
+}
+
+#[test]
+fn a_lane_of_which_one_line_is_in_sight_at_first_is_not_taken_for_one_line() {
+    let body = gopigo(160, 120);
+    let path = straight(3.0);
+    let mut floor = Floor::around(&path, 0.7, 90);
+    // The right line begins later; the left one is nearer than half the vehicle's width.
+    floor.stripe(&path.offset(0.065), 0.018, 230, None);
+    floor.stripe(&path.offset(-0.065), 0.018, 230, Some((0.9, 3.0)));
+    let mut run = Loop::new(&body, &floor, &path);
+    run.start = Pose2::new(0.0, 0.02, 0.0);
+    run.goal_m = 2.0;
+    let lap = run.drive(&mut LaneDriver::new(&body, lane(Form::Curve, 0.16)).unwrap());
+    arrives(&lap, 2.0, 0.01, 0.025);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! A floor, a camera and a vehicle for closed loops inside this crate: no light model, no noise but what a test adds.
 #![allow(dead_code, reason = "every test file uses its own part of this")]
 
-use senda_core::{Body, Channels, Command, Driver, Frame, Image, Observation, Stamp, Steering};
+use senda_core::{Body, Channels, Command, Driver, Explanation, Frame, Image, Observation, Stamp, Steering};
 use senda_geom::{Camera, Curve, Lens, Mounting, Pose2, Segment, Vec2, tracker::Tracker};
 use std::collections::VecDeque;
 
@@ -222,6 +222,53 @@ pub(crate) struct Lap {
     pub(crate) commands: Vec<Command>,
     pub(crate) offsets_m: Vec<f64>,
     pub(crate) headings_rad: Vec<f64>,
+}
+
+/// A driver under observation: how long it was without its line.
+pub(crate) struct Watched<D> {
+    pub(crate) driver: D,
+    /// Steps since the line was last seen.
+    gap: usize,
+    /// The longest such gap after the line was first seen (steps).
+    pub(crate) longest_gap: usize,
+    seen: bool,
+}
+
+impl<D: Driver> Watched<D> {
+    pub(crate) fn new(driver: D) -> Self {
+        Self {
+            driver,
+            gap: 0,
+            longest_gap: 0,
+            seen: false,
+        }
+    }
+}
+
+impl<D: Driver> Driver for Watched<D> {
+    fn drive(&mut self, observation: &Observation) -> Command {
+        let command = self.driver.drive(observation);
+        let mut explanation = Explanation::default();
+        self.driver.explain(&mut explanation);
+        let found = explanation
+            .signals
+            .iter()
+            .any(|signal| signal.name == "found" && signal.value > 0.0);
+        self.seen |= found;
+        self.gap = if found { 0 } else { self.gap + 1 };
+        if self.seen {
+            self.longest_gap = self.longest_gap.max(self.gap);
+        }
+        command
+    }
+
+    fn explain(&self, explanation: &mut Explanation) {
+        self.driver.explain(explanation);
+    }
+
+    fn is_done(&self) -> bool {
+        self.driver.is_done()
+    }
 }
 
 /// What is done to the picture of a step.

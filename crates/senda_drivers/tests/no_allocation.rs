@@ -1,0 +1,104 @@
+//! Driving allocates nothing per frame once the first frames have passed.
+#![allow(unsafe_code, reason = "a counting allocator has no other way")]
+
+mod support;
+
+use senda_core::{Command, Driver, Explanation, Observation};
+use senda_drivers::{LaneDriver, LaneOptions, LineDriver, LineOptions};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use support::{Floor, Loop, gopigo, s_curve};
+
+struct Counting;
+
+static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: everything is passed on to the system's allocator.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promises hold for the system's allocator too.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: as above.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// Counts the frames in which its driver allocated.
+struct Counted<D> {
+    driver: D,
+    frame: usize,
+    allocating: Vec<usize>,
+}
+
+impl<D: Driver> Driver for Counted<D> {
+    fn drive(&mut self, observation: &Observation) -> Command {
+        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let command = self.driver.drive(observation);
+        let after = ALLOCATIONS.load(Ordering::Relaxed);
+        self.frame += 1;
+        if after > before {
+            self.allocating.push(self.frame);
+        }
+        command
+    }
+
+    fn explain(&self, explanation: &mut Explanation) {
+        self.driver.explain(explanation);
+    }
+}
+
+#[test]
+fn neither_driver_allocates_per_frame() {
+    // Lines and floors with which both drivers also search: dashes, lamps' images, a lane that is elsewhere at times.
+    let path = s_curve(0.4);
+    let mut floor = Floor::around(&path, 0.9, 90);
+    for side in [0.08, -0.08] {
+        floor.dashes(&path.offset(side), 0.018, 230, 0.2, 0.06);
+        floor.dashes(&path.offset(side * 2.0), 0.018, 230, 0.1, 0.2);
+    }
+    floor.speckle(20);
+    let body = gopigo(160, 120);
+    let mut run = Loop::new(&body, &floor, &path);
+    run.goal_m = path.length_m() - 0.7;
+    run.seconds = 15.0;
+    let drivers: [Box<dyn Driver>; 2] = [
+        Box::new(LineDriver::new(&body, LineOptions::default()).unwrap()),
+        Box::new(LaneDriver::new(&body, LaneOptions::default()).unwrap()),
+    ];
+    for (index, driver) in drivers.into_iter().enumerate() {
+        let mut counted = Counted {
+            driver: Boxed(driver),
+            frame: 0,
+            allocating: Vec::with_capacity(1000),
+        };
+        run.drive(&mut counted);
+        let warm = counted.frame;
+        // The same way again; a buffer may still grow when a frame shows more than any before it.
+        run.drive(&mut counted);
+        let late = counted.allocating.iter().filter(|frame| **frame > warm).count();
+        assert!(
+            warm > 100 && late <= 3,
+            "driver {index}: {:?}, {warm} frames at first",
+            counted.allocating
+        );
+    }
+}
+
+struct Boxed(Box<dyn Driver>);
+
+impl Driver for Boxed {
+    fn drive(&mut self, observation: &Observation) -> Command {
+        self.0.drive(observation)
+    }
+
+    fn explain(&self, explanation: &mut Explanation) {
+        self.0.explain(explanation);
+    }
+}
