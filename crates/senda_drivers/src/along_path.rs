@@ -1,7 +1,7 @@
 //! Points of several lines put in order along one path.
 
+use crate::candidate::FloorPoint;
 use crate::path_memory::PathMemory;
-use crate::sight::FloorPoint;
 use senda_geom::Vec2;
 
 /// Points with their stations; owns the memory that sorting needs.

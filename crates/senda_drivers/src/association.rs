@@ -1,7 +1,7 @@
 //! How a candidate lies beside a remembered path: the question by which both drivers match frames.
 
+use crate::candidate::{Candidate, FloorPoint};
 use crate::path_memory::{PathMemory, TrackOptions};
-use crate::sight::{Candidate, FloorPoint};
 use senda_geom::{Pose2, Vec2, angle, trig};
 
 /// A candidate beside a path.

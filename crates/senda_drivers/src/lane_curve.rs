@@ -2,10 +2,11 @@
 
 use crate::along_path::AlongPath;
 use crate::association::{Beside, POINTS_LEAST, TURN_LIMIT_RAD, beside, direction_at, is_piece_at};
+use crate::candidate::{Candidate, FloorPoint};
 use crate::lane::LaneShape;
 use crate::lane_pair::{Pair, PairSearch};
 use crate::path_memory::{PathMemory, TrackOptions};
-use crate::sight::{Candidate, FloorPoint, Sight};
+use crate::sight::Sight;
 use senda_geom::{Pose2, Vec2};
 use std::cell::RefCell;
 

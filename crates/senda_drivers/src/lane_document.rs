@@ -1,7 +1,7 @@
 //! C8: the document's matching of two lines from frame to frame.
 
+use crate::candidate::Candidate;
 use crate::follow::LineState;
-use crate::sight::Candidate;
 use senda_geom::Vec2;
 
 /// Limits of C8.

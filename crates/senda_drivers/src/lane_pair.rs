@@ -1,9 +1,9 @@
 //! Which two lines look like a lane around the vehicle (C8).
 
 use crate::association::{Beside, beside};
+use crate::candidate::{Candidate, FloorPoint};
 use crate::lane::LaneShape;
 use crate::path_memory::{PathMemory, TrackOptions};
-use crate::sight::{Candidate, FloorPoint};
 use senda_geom::{Pose2, Vec2};
 
 /// A possible lane: two candidates by their indices.

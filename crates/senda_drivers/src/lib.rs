@@ -36,6 +36,7 @@
 
 mod along_path;
 mod association;
+mod candidate;
 pub mod expert;
 pub mod follow;
 mod helm;

@@ -2,13 +2,14 @@
 
 use crate::along_path::AlongPath;
 use crate::association::{POINTS_LEAST, TURN_LIMIT_RAD, beside, is_piece_at};
+use crate::candidate::{Candidate, FloorPoint};
 use crate::follow::{FollowOptions, Form, LineState};
 use crate::helm::{GOAL_COLOR, Helm, LINE_COLOR, PATH_COLOR, Percept, REFUSED_COLOR};
 use crate::lane_curve::{TRUSTED_AHEAD_M, UNMATCHED_FRAMES};
 use crate::loss::{LossOptions, Mode};
 use crate::options::{DriverError, check};
 use crate::path_memory::{PathMemory, TrackOptions};
-use crate::sight::{Candidate, FloorPoint, Sight, SightOptions};
+use crate::sight::{Sight, SightOptions};
 use crate::speed::SpeedOptions;
 use senda_core::{Body, Command, Driver, Explanation, Observation};
 use senda_geom::{Pose2, Vec2};

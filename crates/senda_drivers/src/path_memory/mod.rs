@@ -232,7 +232,7 @@ impl PathMemory {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sight::FloorPoint;
+    use crate::candidate::FloorPoint;
     use senda_geom::trig;
 
     pub(super) fn points(shape: impl Fn(f64) -> Vec2, from: f64, to: f64) -> Vec<FloorPoint> {

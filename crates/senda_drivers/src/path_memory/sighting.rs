@@ -1,7 +1,7 @@
 //! What is seen becomes memory: the guess at the vehicle's motion is corrected by it, and old and new are averaged.
 
 use super::{NODES_LIMIT, Node, OnPath, PathMemory, SPACING_M, TrackOptions, arc::solve};
-use crate::sight::FloorPoint;
+use crate::candidate::FloorPoint;
 use senda_geom::{Pose2, Vec2};
 
 /// Neighbours further apart than this have a gap between them, such as between dashes (m).
