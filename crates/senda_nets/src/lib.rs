@@ -1,4 +1,37 @@
-//! Networks as files, and a small engine that trains and runs them on the CPU.
+//! Networks as files, and a small engine that trains and runs them on the CPU with the same bits on every machine.
+//!
+//! ```
+//! use senda_nets::{Inference, InputSpec, Network, TrainOptions, Trainer, Weights};
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let network = Network::named("tinypilotnet")?;
+//! assert_eq!(network.parameter_count(), 761);
+//!
+//! // Frames become planar inputs: channel, row, column. Batches are concatenated.
+//! let spec = InputSpec::of(network.input());
+//! let mut preparer = spec.preparer(320, 240);
+//! let mut input = vec![0.0; spec.len()];
+//! preparer.prepare(&senda_core::Image::new(320, 240, senda_core::Channels::Rgb), &mut input);
+//!
+//! let mut trainer = Trainer::new(network.clone(), Weights::random(&network, 1), TrainOptions::default())?;
+//! let before = trainer.step(&input, &[0.25], None);
+//! for _ in 0..20 {
+//!     trainer.step(&input, &[0.25], None);
+//! }
+//! assert!(trainer.evaluate(&input, &[0.25]) < before);
+//!
+//! let mut inference = Inference::new(&network, trainer.weights(), 1);
+//! println!("steering {}", inference.run(&input)[0]);
+//!
+//! let error = Network::parse("mine.toml", "[input]\nheight = 9\nwidht = 9").unwrap_err();
+//! assert!(error.to_string().contains("mine.toml:3: input.widht"));
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! A [`Model`] is one file with network, weights, input specification, outputs and provenance.
+//!
+//! This crate does not know the simulator, recordings or data sets, reads no clock, and has no automatic
+//! differentiation: each layer's backward pass is written by hand and checked against differences and PyTorch.
 
 mod convolution;
 mod dense;

@@ -65,8 +65,20 @@ pub(crate) fn parse(source_name: &str, toml: &str) -> Result<Network, NetworkErr
         layers: Vec::with_capacity(tables.len()),
         offset: 0,
     };
+    let headers: Vec<_> = tables.iter().map(Table::span).collect();
     for table in tables {
         builder.read(table)?;
+    }
+    for (index, layer) in builder.layers[..builder.layers.len() - 1].iter().enumerate() {
+        if !builder.layers.iter().any(|user| user.from.contains(&(index + 1))) {
+            return Err(source.problem(
+                headers[index].clone(),
+                format!("layer[{index}]"),
+                "a layer that another one uses, or the last one",
+                format!("{:?}, which nothing uses", layer.name),
+                "name it in a later layer's from, or remove it",
+            ));
+        }
     }
     Ok(Network {
         parts: Arc::new(Parts {
@@ -495,5 +507,104 @@ fn output_shape(table: &Table, kind: &Kind, inputs: &[Shape]) -> Result<Shape, N
     match values {
         Some(values) if values <= MOST_VALUES => Ok(shape),
         _ => Err(table.problem("", format!("at most {MOST_VALUES} values"), shape.to_string(), "")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const GOOD: &str = "[input]\nheight = 8\nwidth = 8\nchannels = 1\n[[layer]]\nkind = \"flatten\"\n[[layer]]\nkind = \"dense\"\nunits = 2\n";
+
+    fn check(text: &str, expected: &str) {
+        let error = parse("mine.toml", text).expect_err(text).to_string();
+        assert!(error.contains(expected), "{error}\nlacks {expected}");
+    }
+
+    #[test]
+    fn mistakes_are_shown_at_their_line_with_the_nearest_name() {
+        assert_eq!(parse("nets/mine.toml", GOOD).unwrap().name(), "mine");
+        check(
+            &GOOD.replace("units", "unit"),
+            "mine.toml:9: layer[1].unit: expected the key \"units\"",
+        );
+        check(
+            &GOOD.replace("flatten", "flaten"),
+            "mine.toml:6: layer[0].kind: expected one of",
+        );
+        check(&GOOD.replace("flatten", "flaten"), "did you mean \"flatten\"?");
+        check(
+            &GOOD.replace("units = 2", "units = -2"),
+            "expected a whole number from 1",
+        );
+        check(
+            &GOOD.replace("units = 2", "units = 2\nactivation = \"elo\""),
+            "did you mean \"elu\"?",
+        );
+        check(
+            &GOOD.replace("units = 2", "units = 2\nslope = 1"),
+            "the unknown key \"slope\"",
+        );
+        check(&GOOD.replace("width", "widht"), "mine.toml:3: input.widht");
+        check(
+            "[input]\nheight = 8\nwidth = 8\nchannels = 1",
+            "at least one layer",
+        );
+        check("", "expected a table [input]");
+        check("a = ", "expected TOML");
+    }
+
+    #[test]
+    fn shapes_that_do_not_fit_are_refused() {
+        let with = |layers: &str| {
+            let mut text = "[input]\nheight = 8\nwidth = 9\nchannels = 1\n".to_owned();
+            for layer in layers.split(';') {
+                text += &format!("[[layer]]\n{}\n", layer.replace(',', "\n"));
+            }
+            text
+        };
+        check(
+            &with("kind = \"dense\",units = 1"),
+            "expected a vector as input, but found 8x9x1",
+        );
+        check(
+            &with("kind = \"convolution\",filters = 2,kernel = 9"),
+            "mine.toml:8: layer[0].kernel: expected a window that fits into the input of 8x9, but found 9x9",
+        );
+        check(
+            &with("kind = \"max_pool\",size = 2,padding = 2"),
+            "less than the window",
+        );
+        check(&with("kind = \"dropout\",rate = 1.5"), "a number from 0 to 0.99");
+        let two = "name = \"a\",kind = \"max_pool\",size = 2;name = \"b\",kind = \"flatten\";kind = \"add\",from = [\"a\" \"b\"]";
+        let two = with(two).replace("\"a\" \"b\"", "\"a\", \"b\"");
+        check(&two, "expected the shape 4x4x1, but found 16");
+        check(
+            &two.replace("\"a\", \"b\"", "\"aa\", \"b\""),
+            "did you mean \"a\"?",
+        );
+        check(&two.replace("add", "concatenate"), "the same height and width");
+        check(
+            &with("name = \"a\",kind = \"flatten\";name = \"a\",kind = \"flatten\""),
+            "a name that no other layer has",
+        );
+        check(
+            &with("name = \"a\",kind = \"flatten\";kind = \"flatten\",from = \"input\""),
+            "mine.toml:5: layer[0]: expected a layer that another one uses",
+        );
+        check(
+            &with("kind = \"flatten\";kind = \"dense\",units = 1000000;kind = \"dense\",units = 1000000"),
+            "weights",
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_makes_the_reader_panic(at in 0usize..2000, what in "[\\[\\]a-z=0-9\" .\n-]{0,6}") {
+            let text = include_str!("../../../networks/deeperlstm-tinypilotnet.toml");
+            let at = at.min(text.len());
+            let _ = parse("x", &format!("{}{what}{}", &text[..at], &text[(at + what.len()).min(text.len())..]));
+        }
     }
 }

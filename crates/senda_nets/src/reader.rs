@@ -99,6 +99,11 @@ impl<'a> Table<'a> {
         }
     }
 
+    /// Where the table stands.
+    pub(crate) fn span(&self) -> Range<usize> {
+        self.span.clone()
+    }
+
     /// A complaint about a key of this table, or about the table itself.
     pub(crate) fn problem(
         &self,

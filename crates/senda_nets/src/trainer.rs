@@ -145,6 +145,8 @@ pub struct Trainer {
     worker_memory: Vec<Mutex<Worker>>,
     groups: Vec<Mutex<Group>>,
     blocks: Vec<Block>,
+    /// Sums over groups of what each channel of a batch norm needs.
+    totals: Vec<f64>,
 }
 
 impl std::fmt::Debug for Trainer {
@@ -265,6 +267,7 @@ impl Trainer {
             step: 0,
             packed,
             statistics,
+            totals: Vec::new(),
             stages,
             workers,
             worker_memory,
@@ -612,7 +615,9 @@ impl Trainer {
         let node = planned.layer.from[0];
         // Two passes: the mean first, then squares of what is left, which loses no digits.
         for is_square in [false, true] {
-            let mut totals = vec![0.0f64; shape.channels];
+            let totals = &mut self.totals;
+            totals.clear();
+            totals.resize(shape.channels, 0.0);
             for (number, group) in self.groups[..groups].iter().enumerate() {
                 let group = &mut *lock(group);
                 let images = engine.chunk.min(batch.sequences - number * engine.chunk);
@@ -630,7 +635,7 @@ impl Trainer {
                     };
                 }
             }
-            for (c, total) in totals.into_iter().enumerate() {
+            for (c, total) in totals.iter().enumerate() {
                 if !is_square {
                     statistics.mean[c] = (total / count) as f32;
                     continue;
@@ -658,7 +663,9 @@ impl Trainer {
     fn combine_gradients(&mut self, index: usize, groups: usize) {
         let statistics = &mut self.statistics[index];
         let channels = statistics.mean.len();
-        let mut totals = vec![0.0f64; 2 * channels];
+        let totals = &mut self.totals;
+        totals.clear();
+        totals.resize(2 * channels, 0.0);
         for group in &self.groups[..groups] {
             for (total, sum) in totals.iter_mut().zip(&lock(group).sums) {
                 *total += sum;

@@ -1,0 +1,79 @@
+//! After the first call nothing on the hot paths asks for memory.
+
+use senda_core::{Channels, Image};
+use senda_nets::{Inference, InputSpec, Network, Shape, TrainOptions, Trainer, Weights};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+struct Counting;
+
+static COUNT: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: everything is passed on to the system's allocator.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promise is passed on.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promise is passed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn allocations(mut work: impl FnMut()) -> usize {
+    work();
+    let before = COUNT.load(Ordering::Relaxed);
+    for _ in 0..3 {
+        work();
+    }
+    COUNT.load(Ordering::Relaxed) - before
+}
+
+/// One test, so that no other thread of the test program allocates meanwhile.
+#[test]
+fn steps_and_frames_allocate_nothing() {
+    let norm = "[input]\nheight = 4\nwidth = 4\nchannels = 2\n[[layer]]\nkind = \"batch_norm\"\n[[layer]]\nkind = \"flatten\"\n[[layer]]\nkind = \"dense\"\nunits = 1\n";
+    let mut networks: Vec<Network> = ["tinypilotnet", "pilotnet", "deepestlstm-tinypilotnet"]
+        .into_iter()
+        .map(|name| Network::named(name).unwrap())
+        .collect();
+    networks.push(Network::parse("norm", norm).unwrap());
+    for network in networks {
+        let weights = Weights::random(&network, 1);
+        let input = vec![0.5; 8 * network.input().len()];
+        let target = vec![0.1; 8 * network.output_len()];
+        let mut inference = Inference::new(&network, &weights, 8);
+        assert_eq!(
+            allocations(|| assert!(!inference.run(&input).is_empty())),
+            0,
+            "{}",
+            network.name()
+        );
+        for threads in [1, 2] {
+            let options = TrainOptions {
+                threads,
+                clip_norm: Some(1.0),
+                ..TrainOptions::default()
+            };
+            let mut trainer = Trainer::new(network.clone(), weights.clone(), options).unwrap();
+            let count = allocations(|| {
+                trainer.step(&input, &target, None);
+            });
+            assert_eq!(count, 0, "{} with {threads} threads", network.name());
+        }
+    }
+    let spec = InputSpec::of(Shape {
+        channels: 3,
+        height: 66,
+        width: 200,
+    });
+    let frame = Image::new(320, 240, Channels::Rgb);
+    let mut preparer = spec.preparer(320, 240);
+    let mut input = vec![0.0; spec.len()];
+    assert_eq!(allocations(|| preparer.prepare(&frame, &mut input)), 0);
+}
