@@ -1,0 +1,83 @@
+//! Writes what this engine computes for networks, for `parity/parity.py` to compare:
+//! `cargo run --release -p senda_nets --example parity -- FOLDER NETWORK...` (names or files).
+#![allow(clippy::print_stdout, reason = "a tool for developers")]
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use senda_nets::{Inference, Network, TrainOptions, Trainer, Weights};
+use std::path::Path;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let folder = arguments.next().ok_or("expected a folder and networks")?;
+    for argument in arguments {
+        let network = match Network::named(&argument) {
+            Ok(network) => network,
+            Err(_) => Network::load(Path::new(&argument))?,
+        };
+        // Other frameworks draw other masks.
+        let text = network.to_toml();
+        let lines = text.lines().map(|line| {
+            if line.starts_with("rate = ") {
+                "rate = 0.0"
+            } else {
+                line
+            }
+        });
+        let network = Network::parse(&argument, &lines.collect::<Vec<_>>().join("\n"))?;
+        write(&Path::new(&folder).join(network.name()), &network)?;
+        println!("{}", network.name());
+    }
+    Ok(())
+}
+
+fn write(folder: &Path, network: &Network) -> Result<(), Box<dyn std::error::Error>> {
+    std::fs::create_dir_all(folder)?;
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    let mut noise =
+        |count: usize| -> Vec<f32> { (0..count).map(|_| random.random_range(-1.0..1.0)).collect() };
+    let mut weights = Weights::random(network, 3);
+    let shift = noise(weights.values.len());
+    for tensor in network.tensors() {
+        for i in tensor.range() {
+            // Variances stay positive.
+            weights.values[i] += if tensor.name.ends_with("running_var") {
+                0.4
+            } else {
+                0.05
+            } * shift[i];
+        }
+    }
+    let steps = if network.is_recurrent() { 3 } else { 1 };
+    let batch = if network.multiply_adds() > 100_000_000 {
+        2
+    } else {
+        6
+    };
+    let inputs = noise(steps * batch * network.input().len());
+    let targets = noise(steps * batch * network.output_len());
+    let mut inference = Inference::new(network, &weights, batch);
+    let mut outputs = Vec::new();
+    for step in inputs.chunks_exact(batch * network.input().len()) {
+        outputs.extend_from_slice(inference.run(step));
+    }
+    let options = TrainOptions {
+        threads: 2,
+        ..TrainOptions::default()
+    };
+    let mut trainer = Trainer::new(network.clone(), weights.clone(), options)?;
+    let (gradient, loss) = trainer.gradient(steps, batch, &inputs, &targets);
+    std::fs::write(folder.join("network.toml"), network.to_toml())?;
+    std::fs::write(folder.join("shape.txt"), format!("{steps} {batch} {loss:?}"))?;
+    for (name, values) in [
+        ("weights", &weights.values),
+        ("inputs", &inputs),
+        ("targets", &targets),
+        ("outputs", &outputs),
+        ("gradient", &gradient),
+    ] {
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        std::fs::write(folder.join(name), bytes)?;
+    }
+    Ok(())
+}
