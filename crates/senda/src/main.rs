@@ -40,6 +40,8 @@ enum Command {
     Learn(commands::learn::Arguments),
     /// Train a network on recordings
     Train(commands::train::Arguments),
+    /// Drive a trained network on circuits it never saw and give rates with intervals
+    Evaluate(commands::evaluate::Arguments),
     /// Look into trained networks
     Model(commands::model::Arguments),
     /// Show networks as lists of layers
@@ -50,6 +52,7 @@ enum Command {
 
 fn main() -> std::process::ExitCode {
     let arguments = Arguments::parse();
+    terminal::end_with_the_reader();
     terminal::listen_for_interrupts();
     let result = match arguments.command {
         None => {
@@ -67,6 +70,7 @@ fn main() -> std::process::ExitCode {
         Some(Command::Sweep(arguments)) => commands::sweep::run(arguments),
         Some(Command::Learn(arguments)) => commands::learn::run(arguments),
         Some(Command::Train(arguments)) => commands::train::run(arguments),
+        Some(Command::Evaluate(arguments)) => commands::evaluate::run(arguments),
         Some(Command::Model(arguments)) => commands::model::run(arguments),
         Some(Command::Net(arguments)) => commands::net::run(arguments),
         Some(Command::Bench(arguments)) => commands::bench::run(arguments),

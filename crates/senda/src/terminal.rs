@@ -20,6 +20,20 @@ pub(crate) fn listen_for_interrupts() {
     }
 }
 
+/// `senda … | head` ends quietly when the reader has enough, as other programs do. Rust ignores the signal and would panic on
+/// the next line instead.
+pub(crate) fn end_with_the_reader() {
+    #[cfg(unix)]
+    {
+        use std::ffi::c_int;
+        unsafe extern "C" {
+            fn signal(number: c_int, handler: usize) -> usize;
+        }
+        // SAFETY: 13 is SIGPIPE and 0 its default action on every Unix; no handler of ours runs.
+        unsafe { signal(13, 0) };
+    }
+}
+
 /// Whether Ctrl-C was pressed.
 pub(crate) fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::SeqCst)

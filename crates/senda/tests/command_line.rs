@@ -240,6 +240,18 @@ fn a_full_disk_ends_the_run_with_its_words_and_keeps_what_was_written() {
 }
 
 #[test]
+#[cfg(unix)]
+fn a_reader_that_has_enough_is_no_error() {
+    let program = assert_cmd::cargo::cargo_bin("senda");
+    Command::new("sh")
+        .args(["-c", "\"$0\" world random --seed 3 | head -c 1"])
+        .arg(program)
+        .assert()
+        .success()
+        .stderr(predicate::str::contains("panicked").not());
+}
+
+#[test]
 fn worlds_are_drawn_made_and_printed() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

@@ -4,6 +4,7 @@ pub(crate) mod bench;
 pub(crate) mod calibrate;
 pub(crate) mod data;
 pub(crate) mod drive;
+pub(crate) mod evaluate;
 pub(crate) mod learn;
 pub(crate) mod model;
 pub(crate) mod net;

@@ -126,7 +126,33 @@ impl Arguments {
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let plan = arguments.plan()?;
-    let jobs = arguments.jobs.unwrap_or(0);
+    let output = Output {
+        title: "Sweep",
+        jobs: arguments.jobs,
+        results: arguments.results,
+        report: arguments.report,
+        json: arguments.json,
+    };
+    drive_all(&plan, &output)
+}
+
+/// How a plan is run, and where its results go.
+pub(crate) struct Output {
+    /// Heading of the report.
+    pub(crate) title: &'static str,
+    /// Threads.
+    pub(crate) jobs: Option<usize>,
+    /// File to keep results in.
+    pub(crate) results: Option<PathBuf>,
+    /// Report to write.
+    pub(crate) report: Option<PathBuf>,
+    /// JSON instead of a table.
+    pub(crate) json: bool,
+}
+
+/// Runs a plan and tells the rates.
+pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
+    let jobs = output.jobs.unwrap_or(0);
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(jobs)
         .thread_name(|index| format!("sweep-{index}"))
@@ -140,8 +166,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     };
     let lines = pool.install(|| {
         sweep::run(
-            &plan,
-            arguments.results.as_deref(),
+            plan,
+            output.results.as_deref(),
             &progress,
             &terminal::interrupted,
             &terminal::clock_ns,
@@ -151,7 +177,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let wall_s = terminal::seconds_since(began_ns);
     let total = plan.runs()?.len();
     if lines.len() < total {
-        let again = match &arguments.results {
+        let again = match &output.results {
             Some(path) => format!("run the same command again to go on from {}", path.display()),
             None => "give --results FILE to be able to go on".to_owned(),
         };
@@ -159,14 +185,14 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     }
     let runs: Vec<SweepRun> = lines.iter().map(sweep_run).collect();
     let table = sweep_table(&runs);
-    if let Some(path) = &arguments.report {
+    if let Some(path) = &output.report {
         write_file(
             path,
-            sweep_html(&Page::new("Sweep", &command_line()), &runs).as_bytes(),
+            sweep_html(&Page::new(output.title, &command_line()), &runs).as_bytes(),
         )?;
         eprintln!("report: {}", path.display());
     }
-    if arguments.json {
+    if output.json {
         let value = serde_json::json!({
             "runs": lines.len(),
             "wanted": total,
