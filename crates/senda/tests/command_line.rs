@@ -105,7 +105,7 @@ fn mistakes_are_answered_with_what_to_do() {
         .stderr(predicate::str::contains("oval"));
     senda(&["drive", "--driver", "lime"])
         .failure()
-        .stderr(predicate::str::contains("line, lane, expert"));
+        .stderr(predicate::str::contains("expected one of line, lane"));
     senda(&["drive", "--option", "no_such_option=1"])
         .failure()
         .stderr(predicate::str::contains("no_such_option"));
