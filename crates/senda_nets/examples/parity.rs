@@ -1,16 +1,26 @@
 //! Writes what this engine computes for networks, for `parity/parity.py` to compare:
-//! `cargo run --release -p senda_nets --example parity -- FOLDER NETWORK...` (names or files).
+//! `cargo run --release -p senda_nets --example parity -- FOLDER NETWORK...` (names, network files or ONNX files).
 #![allow(clippy::print_stdout, reason = "a tool for developers")]
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use senda_nets::{Inference, Network, TrainOptions, Trainer, Weights};
+use senda_nets::{Imported, Inference, Network, TrainOptions, Trainer, Weights};
 use std::path::Path;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let folder = arguments.next().ok_or("expected a folder and networks")?;
     for argument in arguments {
+        let path = Path::new(&argument);
+        if path.extension().is_some_and(|extension| extension == "onnx") {
+            let imported = Imported::load(path)?;
+            let name = path.file_stem().unwrap_or_default();
+            let folder = Path::new(&folder).join(name);
+            write(&folder, &imported.network, imported.weights)?;
+            std::fs::copy(path, folder.join("network.onnx"))?;
+            println!("{}", path.display());
+            continue;
+        }
         let network = match Network::named(&argument) {
             Ok(network) => network,
             Err(_) => Network::load(Path::new(&argument))?,
@@ -25,19 +35,23 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             }
         });
         let network = Network::parse(&argument, &lines.collect::<Vec<_>>().join("\n"))?;
-        write(&Path::new(&folder).join(network.name()), &network)?;
+        let folder = Path::new(&folder).join(network.name());
+        let weights = noisy_weights(&network);
+        write(&folder, &network, weights.clone())?;
+        std::fs::write(folder.join("network.onnx"), network.to_onnx(&weights))?;
         println!("{}", network.name());
     }
     Ok(())
 }
 
-fn write(folder: &Path, network: &Network) -> Result<(), Box<dyn std::error::Error>> {
-    std::fs::create_dir_all(folder)?;
-    let mut random = ChaCha8Rng::seed_from_u64(7);
-    let mut noise =
-        |count: usize| -> Vec<f32> { (0..count).map(|_| random.random_range(-1.0..1.0)).collect() };
+fn noise(seed: u64, count: usize) -> Vec<f32> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    (0..count).map(|_| random.random_range(-1.0..1.0)).collect()
+}
+
+fn noisy_weights(network: &Network) -> Weights {
     let mut weights = Weights::random(network, 3);
-    let shift = noise(weights.values.len());
+    let shift = noise(7, weights.values.len());
     for tensor in network.tensors() {
         for i in tensor.range() {
             // Variances stay positive.
@@ -48,14 +62,19 @@ fn write(folder: &Path, network: &Network) -> Result<(), Box<dyn std::error::Err
             } * shift[i];
         }
     }
+    weights
+}
+
+fn write(folder: &Path, network: &Network, weights: Weights) -> Result<(), Box<dyn std::error::Error>> {
+    std::fs::create_dir_all(folder)?;
     let steps = if network.is_recurrent() { 3 } else { 1 };
     let batch = if network.multiply_adds() > 100_000_000 {
         2
     } else {
         6
     };
-    let inputs = noise(steps * batch * network.input().len());
-    let targets = noise(steps * batch * network.output_len());
+    let inputs = noise(8, steps * batch * network.input().len());
+    let targets = noise(9, steps * batch * network.output_len());
     let mut inference = Inference::new(network, &weights, batch);
     let mut outputs = Vec::new();
     for step in inputs.chunks_exact(batch * network.input().len()) {

@@ -160,6 +160,18 @@ impl Model {
         })
     }
 
+    /// The model as an ONNX file, for other programs: `input` is `[batch, channels, height, width]` as
+    /// [`InputSpec`] prepares it, `output` is `[batch, outputs]`. Both specifications are in its metadata. The state of a
+    /// recurrent layer goes in and comes out as values of its own.
+    pub fn to_onnx(&self) -> Vec<u8> {
+        let metadata = [
+            ("senda.input", json!(self.input).to_string()),
+            ("senda.outputs", json!(self.outputs).to_string()),
+            ("senda.provenance", json!(self.provenance).to_string()),
+        ];
+        crate::onnx::export(&self.network, &self.weights, &metadata)
+    }
+
     /// Reads a file.
     pub fn load(path: &Path) -> Result<Self, ModelError> {
         let name = path.display().to_string();
