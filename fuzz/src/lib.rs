@@ -9,6 +9,7 @@ pub use seeds::seeds;
 
 use senda_core::{Body, Encoded, Image, Observation, Steering};
 use senda_data::{Recording, named_frames, tub, udacity as udacity_format};
+use senda_nets::{Imported, Inference, Model, Network};
 use senda_vision::calibration::Calibration;
 use senda_world::{VehicleSpec, World, paint};
 use std::io::Cursor;
@@ -24,6 +25,9 @@ pub const TARGETS: &[(&str, fn(&[u8]))] = &[
     ("archive", archive),
     ("recording", recording),
     ("image", image),
+    ("network", network),
+    ("model", model),
+    ("onnx", onnx),
 ];
 
 /// World files. What is accepted is written so that it is read as the same world.
@@ -41,6 +45,49 @@ pub fn world(bytes: &[u8]) {
         let (low, high) = world.bounds();
         paint::paint(&world, ((high - low).max_element() / 40.0).max(0.01));
         let _ = world.reversed();
+    }
+}
+
+/// Network files. What is accepted is written so that it is read as the same network.
+pub fn network(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else {
+        return;
+    };
+    if let Ok(network) = Network::parse("network.toml", text) {
+        let written = network.to_toml();
+        match Network::parse("written.toml", &written) {
+            Ok(again) => assert_eq!(again, network, "{written}"),
+            Err(error) => panic!("what was written is refused: {error}\n{written}"),
+        }
+    }
+}
+
+/// Model files. What is accepted is written so that it is read as the same model, and runs.
+pub fn model(bytes: &[u8]) {
+    if let Ok(model) = Model::from_bytes("model.senda", bytes) {
+        match Model::from_bytes("written.senda", &model.to_bytes()) {
+            Ok(again) => assert_eq!(again, model),
+            Err(error) => panic!("what was written is refused: {error}"),
+        }
+        let layers = model.network.layers();
+        let is_small = layers.iter().all(|layer| layer.output.len() < 1 << 20);
+        if model.network.multiply_adds() < 1_000_000 && is_small {
+            let input = vec![0.5; model.network.input().len()];
+            model.inference().run(&input);
+        }
+    }
+}
+
+/// ONNX files. What is accepted runs.
+pub fn onnx(bytes: &[u8]) {
+    if let Ok(imported) = Imported::from_bytes("network.onnx", bytes) {
+        let network = &imported.network;
+        if network.multiply_adds() < 1_000_000
+            && network.layers().iter().all(|layer| layer.output.len() < 1 << 20)
+        {
+            let input = vec![0.5; network.input().len()];
+            Inference::new(network, &imported.weights, 1).run(&input);
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Every world and vehicle file is in the embedded library, and every scenario is used somewhere.
+//! Every world, vehicle and network file is in an embedded library, and every scenario is used somewhere.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -13,9 +13,14 @@ pub(crate) fn violations(texts: &BTreeMap<String, String>, files: &BTreeSet<Stri
             continue;
         }
         match folder {
-            "worlds" | "vehicles" if !is_in_library(file, texts) => {
+            "worlds" | "vehicles" if !is_in_library(file, "senda_world", texts) => {
                 findings.push(format!(
                     "{file} is not embedded: expected its name in the library of senda_world"
+                ));
+            }
+            "networks" if !is_in_library(file, "senda_nets", texts) => {
+                findings.push(format!(
+                    "{file} is not embedded: expected its name in the library of senda_nets"
                 ));
             }
             "scenarios" if !is_mentioned(file, texts) => {
@@ -27,8 +32,8 @@ pub(crate) fn violations(texts: &BTreeMap<String, String>, files: &BTreeSet<Stri
     findings
 }
 
-/// Whether a source of `senda_world` quotes both the folder and the name, as its library's macro call does.
-fn is_in_library(file: &str, texts: &BTreeMap<String, String>) -> bool {
+/// Whether a source of the crate quotes both the folder and the name, as its library's macro call does.
+fn is_in_library(file: &str, owner: &str, texts: &BTreeMap<String, String>) -> bool {
     let Some((folder, name)) = file.split_once('/') else {
         return false;
     };
@@ -37,7 +42,7 @@ fn is_in_library(file: &str, texts: &BTreeMap<String, String>) -> bool {
         format!("\"{}\"", name.trim_end_matches(".toml")),
     );
     texts.iter().any(|(source, text)| {
-        source.starts_with("crates/senda_world/src/") && text.contains(&folder) && text.contains(&name)
+        source.starts_with(&format!("crates/{owner}/src/")) && text.contains(&folder) && text.contains(&name)
     })
 }
 

@@ -33,6 +33,7 @@
 //! This crate does not know the simulator, recordings or data sets, reads no clock, and has no automatic
 //! differentiation: each layer's backward pass is written by hand and checked against differences and PyTorch.
 
+mod adopt;
 mod convolution;
 mod dense;
 mod engine;
@@ -48,12 +49,14 @@ mod network;
 mod onnx;
 mod parse;
 mod reader;
+mod safetensors;
 mod text;
 mod trainer;
 mod weights;
 mod window;
 mod workers;
 
+pub use adopt::{AdoptError, Adopted};
 pub use error::{NetworkError, Problem};
 pub use inference::Inference;
 pub use input::{Colour, Crop, InputSpec, Preparer};

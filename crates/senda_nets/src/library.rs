@@ -4,13 +4,13 @@ use crate::error::NetworkError;
 use crate::network::{Kind, Network, Shape};
 
 macro_rules! files {
-    ($($name:literal),* $(,)?) => {
-        &[$(($name, include_str!(concat!("../../../networks/", $name, ".toml")))),*]
+    ($folder:literal: $($name:literal),* $(,)?) => {
+        &[$(($name, include_str!(concat!("../../../", $folder, "/", $name, ".toml")))),*]
     };
 }
 
 /// Name and text of every ready network.
-const NETWORKS: &[(&str, &str)] = files!(
+const NETWORKS: &[(&str, &str)] = files!("networks":
     "pilotnet",
     "tinypilotnet",
     "tinypilotnet-20x40",

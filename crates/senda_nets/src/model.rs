@@ -4,6 +4,7 @@
 //! (little-endian), a JSON header that places every tensor, the values as little-endian `f32`. What is more than weights
 //! stands in the header's `__metadata__` under `senda`.
 
+use crate::safetensors::{split, tensor_values};
 use crate::{InputSpec, Network, Weights};
 use senda_geom::{Camera, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -14,9 +15,6 @@ use thiserror::Error;
 
 /// The version that this program writes and reads.
 const VERSION: u32 = 1;
-
-/// Header bytes that are believed: the largest network here needs 30 kB.
-const HEADER_LIMIT: u64 = 16 << 20;
 
 /// A trained network, ready to drive.
 #[derive(Debug, Clone, PartialEq)]
@@ -195,19 +193,7 @@ impl Model {
                 "models are made by `senda train` and `senda learn`",
             )
         };
-        let (length, rest) = bytes
-            .split_first_chunk::<8>()
-            .ok_or_else(|| none("it has fewer than eight bytes"))?;
-        let length = u64::from_le_bytes(*length);
-        if length > HEADER_LIMIT {
-            return Err(none("it does not begin like one"));
-        }
-        let header = rest
-            .get(..length as usize)
-            .ok_or_else(|| none("its header is longer than the file (cut short, or no model at all)"))?;
-        let data = &rest[length as usize..];
-        let header: Map<String, Value> =
-            serde_json::from_slice(header).map_err(|_| none("it does not begin like one"))?;
+        let (header, data) = split(bytes).map_err(|found| none(&found))?;
         let text = header
             .get("__metadata__")
             .and_then(|metadata| metadata.get("senda"))
@@ -280,36 +266,13 @@ impl Model {
 fn read_weights(network: &Network, header: &Map<String, Value>, data: &[u8]) -> Result<Weights, String> {
     let mut values = vec![0f32; network.parameter_count()];
     for tensor in network.tensors() {
-        let entry = header
-            .get(&tensor.name)
-            .ok_or_else(|| format!("{} is missing", tensor.name))?;
-        let numbers = |key: &str| -> Option<Vec<usize>> {
-            entry
-                .get(key)?
-                .as_array()?
-                .iter()
-                .map(|n| usize::try_from(n.as_u64()?).ok())
-                .collect()
-        };
-        if entry.get("dtype").and_then(Value::as_str) != Some("F32")
-            || numbers("shape") != Some(tensor.shape.clone())
-        {
-            return Err(format!(
-                "{} has another type or shape than the network",
-                tensor.name
-            ));
-        }
-        let block = match numbers("data_offsets").as_deref() {
-            Some([from, to]) if to.checked_sub(*from) == Some(4 * tensor.len()) => data.get(*from..*to),
-            _ => return Err(format!("{} has a wrong place", tensor.name)),
-        };
-        let block = block.ok_or("it is cut short: weights are missing at its end".to_owned())?;
-        for (value, bytes) in values[tensor.range()].iter_mut().zip(block.chunks_exact(4)) {
-            *value = f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+        let read = tensor_values(header, data, &tensor.name, &tensor.shape)?;
+        for (value, read) in values[tensor.range()].iter_mut().zip(read) {
+            *value = read;
         }
     }
     if values.iter().any(|value| !value.is_finite()) {
-        return Err("it has weights that are no numbers".to_owned());
+        return Err("weights that are no numbers".to_owned());
     }
     Ok(Weights { values })
 }
@@ -431,8 +394,8 @@ mod tests {
             assert!(error.starts_with("m: expected a model file"), "{error}");
         }
         for (damaged, word) in [
-            (b"not a model at all, but some text".to_vec(), "begin"),
-            (whole.iter().map(|byte| byte ^ 0x55).collect(), "begin"),
+            (b"not a model at all, but some text".to_vec(), "something else"),
+            (whole.iter().map(|byte| byte ^ 0x55).collect(), "something else"),
             (
                 replaced(&whole, "\\\"version\\\":1", "\\\"version\\\":9"),
                 "version 9",
