@@ -12,7 +12,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = arguments.next().ok_or("expected a folder and networks")?;
     for argument in arguments {
         let path = Path::new(&argument);
-        if path.extension().is_some_and(|extension| extension == "onnx") {
+        if !argument.contains('=') && path.extension().is_some_and(|extension| extension == "onnx") {
             let imported = Imported::load(path)?;
             let name = path.file_stem().unwrap_or_default();
             let folder = Path::new(&folder).join(name);
@@ -21,6 +21,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             println!("{}", path.display());
             continue;
         }
+        // NETWORK=FILE adopts the weights of a safetensors or ONNX file.
+        let (argument, adopted) = match argument.split_once('=') {
+            Some((network, file)) => (network.to_owned(), Some(file.to_owned())),
+            None => (argument, None),
+        };
         let network = match Network::named(&argument) {
             Ok(network) => network,
             Err(_) => Network::load(Path::new(&argument))?,
@@ -36,7 +41,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         });
         let network = Network::parse(&argument, &lines.collect::<Vec<_>>().join("\n"))?;
         let folder = Path::new(&folder).join(network.name());
-        let weights = noisy_weights(&network);
+        let mut weights = noisy_weights(&network);
+        if let Some(file) = adopted {
+            let adopted = weights.adopt(&network, Path::new(&file))?;
+            println!(
+                "{} tensors of {file}, not {:?}",
+                adopted.filled.len(),
+                adopted.kept
+            );
+        }
         write(&folder, &network, weights.clone())?;
         std::fs::write(folder.join("network.onnx"), network.to_onnx(&weights))?;
         println!("{}", network.name());
