@@ -1,8 +1,8 @@
 //! Where training stands, in a file that survives kills, full disks and power cuts.
 
-use crate::train::{Epoch, Progress, Training};
-use crate::{LearnError, Samples};
-use senda_nets::{Network, Trainer, Weights};
+use crate::LearnError;
+use crate::train::{Epoch, Lesson, Progress, Training};
+use senda_nets::{Trainer, Weights};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -18,26 +18,22 @@ struct Head {
     trainer_len: usize,
 }
 
-/// What must be equal for a checkpoint to be of the same experiment.
-pub(crate) fn fingerprint(
-    network: &Network,
-    options: &Training,
-    training: &Samples,
-    validation: &Samples,
-) -> String {
+/// What must be equal for a checkpoint to be of the same experiment: also the weights that it began with, or fine-tuning
+/// another model in the same folder would go on with the first one's.
+pub(crate) fn fingerprint(lesson: &Lesson, beginning: &Weights) -> String {
     let same_for_any_threads = Training {
         threads: 0,
-        ..options.clone()
+        ..lesson.options.clone()
     };
-    let options = toml::to_string(&same_for_any_threads).unwrap_or_default();
     let mut digest = Digest::default();
-    digest.add(network.to_toml().as_bytes());
-    digest.add(options.as_bytes());
-    for samples in [training, validation] {
+    digest.add(lesson.network.to_toml().as_bytes());
+    digest.add(&serde_json::to_vec(lesson.input).unwrap_or_default());
+    digest.add(&serde_json::to_vec(&lesson.answers.is_turn).unwrap_or_default());
+    digest.add(&serde_json::to_vec(&same_for_any_threads).unwrap_or_default());
+    digest.add_values(&beginning.values);
+    for samples in [lesson.training, lesson.validation] {
         digest.add(&samples.pixels);
-        for target in &samples.targets {
-            digest.add(&target.to_le_bytes());
-        }
+        digest.add_values(&samples.targets);
     }
     format!("{:016x}", digest.0)
 }
@@ -55,6 +51,12 @@ impl Digest {
     fn add(&mut self, bytes: &[u8]) {
         for byte in bytes {
             self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3);
+        }
+    }
+
+    fn add_values(&mut self, values: &[f32]) {
+        for value in values {
+            self.add(&value.to_le_bytes());
         }
     }
 }
@@ -117,7 +119,7 @@ pub(crate) fn load(
         )));
     }
     if head.fingerprint != fingerprint {
-        return Err(wrong("its network, options or data are others"));
+        return Err(wrong("its network, options, data or first weights are others"));
     }
     let rest = &rest[length..];
     let best_bytes = head.best_len.checked_mul(4).ok_or_else(cut)?;

@@ -64,6 +64,63 @@ impl Default for Gathering {
     }
 }
 
+impl Gathering {
+    /// The first key out of its range, with what is expected and what was found.
+    pub(crate) fn fault(&self) -> Option<(&'static str, &'static str, String)> {
+        let [slow, fast] = self.speed_mps;
+        let wrong_size =
+            |[width, height]: [u32; 2]| !((8..=4096).contains(&width) && (8..=4096).contains(&height));
+        let checks = [
+            (
+                !self.families.is_empty(),
+                "gathering.families",
+                "a family of random worlds such as random-circuit",
+                "none".to_owned(),
+            ),
+            (
+                (1..=1_000_000).contains(&self.drive_frames),
+                "gathering.drive_frames",
+                "1 to 1000000",
+                self.drive_frames.to_string(),
+            ),
+            (
+                self.skip_frames <= 1_000_000,
+                "gathering.skip_frames",
+                "0 to 1000000",
+                self.skip_frames.to_string(),
+            ),
+            (
+                slow > 0.0 && slow <= fast && fast <= 100.0,
+                "gathering.speed_mps",
+                "two speeds, the slower one first, more than 0 and at most 100",
+                format!("{slow} and {fast}"),
+            ),
+            (
+                (0.0..=1.0).contains(&self.start_offset),
+                "gathering.start_offset",
+                "0 to 1",
+                self.start_offset.to_string(),
+            ),
+            (
+                (0.0..=std::f64::consts::FRAC_PI_2).contains(&self.start_heading_rad),
+                "gathering.start_heading_rad",
+                "0 to 1.57",
+                self.start_heading_rad.to_string(),
+            ),
+            (
+                !self.image_px.is_some_and(wrong_size),
+                "gathering.image_px",
+                "a width and a height of 8 to 4096",
+                format!("{:?}", self.image_px.unwrap_or_default()),
+            ),
+        ];
+        checks
+            .into_iter()
+            .find(|(fine, ..)| !fine)
+            .map(|(_, key, expected, found)| (key, expected, found))
+    }
+}
+
 /// Beyond this many half widths of the corridor a drive ends: what the camera sees there is no road any more.
 const STRAYED_HALF_WIDTHS: f64 = 1.4;
 

@@ -64,6 +64,22 @@ pub enum LearnError {
         /// How it differs.
         reason: String,
     },
+    /// A label that no network can learn.
+    #[error(
+        "{what}: run {run}, frame {frame}: expected a label between -{limit} and {limit}, but found {found}; correct or drop it"
+    )]
+    Label {
+        /// Which data.
+        what: &'static str,
+        /// The run's name.
+        run: String,
+        /// The frame's number within the run, from 0.
+        frame: usize,
+        /// Largest label that is taken.
+        limit: f32,
+        /// What it is.
+        found: f32,
+    },
     /// The loss became infinite or not a number.
     #[error("the loss is no number after {steps} steps; lower the learning rate (now {learning_rate})")]
     Diverged {

@@ -1,10 +1,12 @@
 //! Recordings of any kind as samples.
 
+use crate::samples::is_possible;
 use crate::{LearnError, Samples};
 use rayon::prelude::*;
 use senda_core::{Body, Image};
 use senda_data::Recording;
 use senda_drivers::Answer;
+use senda_geom::Camera;
 use senda_nets::InputSpec;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -38,6 +40,17 @@ impl Default for Selection {
 /// Pixels and targets of a frame, or why there are none.
 type Prepared = Result<(Vec<u8>, Vec<f32>), String>;
 
+/// What recordings gave.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Data {
+    /// Their frames.
+    pub samples: Samples,
+    /// What was left out or guessed.
+    pub warnings: Vec<String>,
+    /// The camera that senda's recordings were made with: the first one's. Foreign data do not know theirs.
+    pub camera: Option<Camera>,
+}
+
 /// Reads recordings (MCAP files, tubs, Udacity folders, named frames, folders of those) and prepares their frames. A frame that
 /// cannot be read is left out with a warning; it never costs the data set.
 pub fn recordings(
@@ -47,13 +60,23 @@ pub fn recordings(
     answers: &[Answer],
     selection: &Selection,
     progress: &mut dyn FnMut(usize, usize),
-) -> Result<(Samples, Vec<String>), LearnError> {
+) -> Result<Data, LearnError> {
     let mut samples = Samples::new(input.len(), answers.len());
     let mut warnings = Vec::new();
+    let mut camera: Option<Camera> = None;
     for (number, path) in paths.iter().enumerate() {
         progress(number, paths.len());
+        let knows_camera = senda_data::Format::detect(path)? == senda_data::Format::Recording;
         for (index, recording) in senda_data::open_runs(path, body)?.into_iter().enumerate() {
             let name = run_name(path, index);
+            if let (true, Some(own)) = (knows_camera, recording.header.body.cameras.first()) {
+                if camera.as_ref().is_some_and(|first| first != own) {
+                    warnings.push(format!(
+                        "{name}: recorded with another camera than the first recording; the model will name the first one's"
+                    ));
+                }
+                camera.get_or_insert_with(|| own.clone());
+            }
             warnings.extend(
                 recording
                     .warnings
@@ -72,7 +95,11 @@ pub fn recordings(
         }
     }
     progress(paths.len(), paths.len());
-    Ok((samples, warnings))
+    Ok(Data {
+        samples,
+        warnings,
+        camera,
+    })
 }
 
 fn run_name(path: &Path, index: usize) -> String {
@@ -139,7 +166,7 @@ fn add(
                     }
                     let mut bytes = vec![0; input.len()];
                     preparer.as_mut()?.prepare_bytes(image, &mut bytes);
-                    let targets = answers
+                    let targets: Vec<f32> = answers
                         .iter()
                         .map(|answer| {
                             let shift = if answer.is_turn() {
@@ -150,6 +177,9 @@ fn add(
                             (answer.target(body, command) + shift) as f32
                         })
                         .collect();
+                    if let Some(target) = targets.iter().find(|target| !is_possible(**target)) {
+                        return Some(Err(format!("a label of {target}, where -1 to 1 is usual")));
+                    }
                     Some(Ok((bytes, targets)))
                 },
             )

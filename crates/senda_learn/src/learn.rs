@@ -148,23 +148,18 @@ impl Learning {
                 found: format!("{:?}", self.answers),
             });
         }
-        for (key, value) in [
-            ("expert_frames", self.expert_frames),
-            ("gathering.drive_frames", self.gathering.drive_frames),
-        ] {
-            if value == 0 {
-                return Err(LearnError::Option {
-                    key,
-                    expected: "at least 1".into(),
-                    found: "0".into(),
-                });
-            }
-        }
-        if self.gathering.families.is_empty() {
+        if self.expert_frames == 0 {
             return Err(LearnError::Option {
-                key: "gathering.families",
-                expected: "a family of random worlds such as random-circuit".into(),
-                found: "none".into(),
+                key: "expert_frames",
+                expected: "at least 1".into(),
+                found: "0".into(),
+            });
+        }
+        if let Some((key, expected, found)) = self.gathering.fault() {
+            return Err(LearnError::Option {
+                key,
+                expected: expected.to_owned(),
+                found,
             });
         }
         Ok(())

@@ -35,6 +35,6 @@ pub mod train;
 pub use augment::{Answers, Augmentation};
 pub use error::LearnError;
 pub use learn::{Learned, Learning, learn};
-pub use samples::{Run, Samples};
+pub use samples::{Run, Samples, TARGET_LIMIT};
 pub use split::Split;
 pub use train::{Training, train};

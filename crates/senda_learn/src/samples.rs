@@ -1,5 +1,6 @@
 //! Frames as a network sees them, with what it should answer.
 
+use crate::LearnError;
 use std::ops::Range;
 
 /// A run inside [`Samples`]: frames in order of time, from one world. Sequences and splits never cut across it.
@@ -11,6 +12,15 @@ pub struct Run {
     pub world: String,
     /// Its frames.
     pub frames: Range<usize>,
+}
+
+/// Largest target that can be meant: outputs are around -1 to 1, and the tightest curve that any vehicle here drives is 5
+/// ([`senda_drivers::Answer::Curvature`]). What is beyond, or no number, is a mistake in the data.
+pub const TARGET_LIMIT: f32 = 10.0;
+
+/// Whether a target can be meant.
+pub(crate) fn is_possible(target: f32) -> bool {
+    target.abs() <= TARGET_LIMIT
 }
 
 /// Prepared frames and targets. Pixels are kept as bytes, channel after channel, row after row, as
@@ -94,6 +104,26 @@ impl Samples {
     /// One frame's targets.
     pub fn target(&self, index: usize) -> &[f32] {
         &self.targets[index * self.outputs..(index + 1) * self.outputs]
+    }
+
+    /// Refuses targets that are no numbers or beyond [`TARGET_LIMIT`]: one of them spoils all weights. `what` names the data.
+    pub(crate) fn check_targets(&self, what: &'static str) -> Result<(), LearnError> {
+        for run in &self.runs {
+            for index in run.frames.clone() {
+                for target in self.target(index) {
+                    if !is_possible(*target) {
+                        return Err(LearnError::Label {
+                            what,
+                            run: run.name.clone(),
+                            frame: index - run.frames.start,
+                            limit: TARGET_LIMIT,
+                            found: *target,
+                        });
+                    }
+                }
+            }
+        }
+        Ok(())
     }
 
     /// A copy of part of every run: what `keep` answers for a run's length (a range within it).

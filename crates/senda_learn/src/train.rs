@@ -206,6 +206,9 @@ pub fn train(
             help: "record some with `senda drive --record`, or give other data".into(),
         });
     }
+    training.check_targets("training data")?;
+    validation.check_targets("validation data")?;
+    let fingerprint = checkpoint::fingerprint(lesson, &weights);
     let mut trainer = Trainer::new(
         network.clone(),
         weights,
@@ -220,7 +223,6 @@ pub fn train(
             ..TrainOptions::default()
         },
     )?;
-    let fingerprint = checkpoint::fingerprint(network, options, training, validation);
     let mut progress = match checkpoint {
         Some(path) => checkpoint::load(path, &fingerprint, &mut trainer)?,
         None => None,
@@ -267,6 +269,13 @@ pub fn train(
                 done: done + 1,
                 of,
                 loss: loss_sum / count as f64,
+            });
+        }
+        // The last step's loss was that of the weights before it.
+        if !trainer.weights().fits(network) {
+            return Err(LearnError::Diverged {
+                steps: u64::from(number) * steps_per_epoch,
+                learning_rate,
             });
         }
         let judged = (!validation.is_empty()).then(|| errors(&mut trainer, input, validation, options.batch));

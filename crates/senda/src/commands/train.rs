@@ -6,8 +6,8 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use senda_drivers::Answer;
 use senda_learn::{
-    Answers, Samples, Split,
-    gather::{self, Selection},
+    Answers, Split,
+    gather::{self, Data, Selection},
     learn::find_network,
     split::split,
     train::{self, Lesson, News, Training},
@@ -211,8 +211,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     }
     let body = senda_run::scenario::find_vehicle(&experiment.vehicle)?.body();
     let bar = terminal::bar("reading");
-    let read = |paths: &[PathBuf]| -> Result<Samples> {
-        let (samples, warnings) = gather::recordings(
+    let read = |paths: &[PathBuf]| -> Result<Data> {
+        let data = gather::recordings(
             paths,
             &body,
             &input,
@@ -220,12 +220,14 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             &experiment.selection,
             &mut |done, of| bar.set_position((1000 * done / of.max(1)) as u64),
         )?;
-        for warning in warnings.iter().take(10) {
+        for warning in data.warnings.iter().take(10) {
             bar.suspend(|| eprintln!("warning: {warning}"));
         }
-        Ok(samples)
+        Ok(data)
     };
-    let all = read(&experiment.data)?;
+    let Data {
+        samples: all, camera, ..
+    } = read(&experiment.data)?;
     if all.is_empty() {
         bail!(
             "expected frames to learn from, but found none in {} files or folders",
@@ -242,8 +244,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             arguments.allow_leak,
         )?
     } else {
-        (all, read(&experiment.validation)?)
+        (all, read(&experiment.validation)?.samples)
     };
+    // What the data do not know, a model that is fine-tuned may.
+    input.camera = camera.or(input.camera);
     let answers = Answers {
         is_turn: experiment.answers.iter().map(|answer| answer.is_turn()).collect(),
     };

@@ -1,0 +1,140 @@
+//! From recordings to samples: what is damaged costs only itself, and labels follow camera and side.
+
+mod support;
+
+use senda_data::Recording;
+use senda_drivers::Answer;
+use senda_learn::gather::{Selection, recordings};
+use senda_learn::{LearnError, Samples};
+use senda_nets::InputSpec;
+use std::path::PathBuf;
+use support::{car, network, recording};
+
+fn read(
+    runs: &[Recording],
+    answers: &[Answer],
+    selection: &Selection,
+) -> Result<(Samples, Vec<String>), LearnError> {
+    let folder = tempfile::tempdir().unwrap();
+    let paths: Vec<PathBuf> = (0..runs.len())
+        .map(|number| folder.path().join(format!("{number}.mcap")))
+        .collect();
+    for (run, path) in runs.iter().zip(&paths) {
+        run.save(path).unwrap();
+    }
+    let data = recordings(
+        &paths,
+        &car(),
+        &InputSpec::of(network().input()),
+        answers,
+        selection,
+        &mut |_, _| {},
+    )?;
+    Ok((data.samples, data.warnings))
+}
+
+fn everything() -> Selection {
+    Selection {
+        skip_first: 0,
+        ..Selection::default()
+    }
+}
+
+#[test]
+fn labels_are_the_steering_as_part_of_full_lock() {
+    let (samples, warnings) = read(
+        &[recording(20, "oval", &["center"])],
+        &[Answer::Steering, Answer::Speed],
+        &everything(),
+    )
+    .unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_eq!(samples.len(), 20);
+    assert_eq!(samples.runs[0].world, "oval");
+    for number in 0..20 {
+        assert!((samples.target(number)[0] - 0.01 * number as f32).abs() < 1e-6);
+        assert!((samples.target(number)[1] - 0.5).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn damaged_pictures_cost_only_themselves() {
+    let mut damaged = recording(20, "oval", &["center"]);
+    damaged.steps[5].frames[0].encoded.bytes.truncate(40);
+    damaged.steps[9].frames[0].encoded.bytes = b"no picture at all".to_vec();
+    let (whole, _) = read(
+        &[recording(20, "oval", &["center"])],
+        &[Answer::Steering],
+        &everything(),
+    )
+    .unwrap();
+    let (samples, warnings) = read(&[damaged], &[Answer::Steering], &everything()).unwrap();
+    assert_eq!(samples.len(), 18);
+    assert!(
+        warnings.iter().any(|warning| warning.contains("2 frames")),
+        "{warnings:?}"
+    );
+    for (number, original) in (0..20).filter(|n| ![5, 9].contains(n)).enumerate() {
+        assert_eq!(samples.frame(number), whole.frame(original));
+        assert_eq!(samples.target(number), whole.target(original));
+    }
+}
+
+#[test]
+fn the_beginning_the_end_and_standing_still_are_left_out() {
+    let mut run = recording(20, "oval", &["center"]);
+    for step in &mut run.steps[10..13] {
+        step.command.drive = senda_core::Drive::SpeedMps(0.0);
+    }
+    let selection = Selection {
+        skip_first: 3,
+        skip_last: 2,
+        ..Selection::default()
+    };
+    let (samples, _) = read(&[run], &[Answer::Steering], &selection).unwrap();
+    assert_eq!(samples.len(), 20 - 3 - 2 - 3);
+    assert!((samples.target(0)[0] - 0.03).abs() < 1e-6);
+    let (short, _) = read(
+        &[recording(2, "oval", &["center"])],
+        &[Answer::Steering],
+        &selection,
+    )
+    .unwrap();
+    assert!(short.is_empty() && short.runs.is_empty());
+}
+
+/// B5: from the left camera's place the way back is to the right, which is negative.
+#[test]
+fn side_cameras_teach_the_way_back() {
+    let run = recording(10, "oval", &["center", "left", "right"]);
+    let (one, _) = read(std::slice::from_ref(&run), &[Answer::Steering], &everything()).unwrap();
+    assert_eq!(one.len(), 10);
+    let selection = Selection {
+        side_camera_shift: 0.2,
+        ..everything()
+    };
+    let (three, _) = read(&[run], &[Answer::Steering, Answer::Speed], &selection).unwrap();
+    assert_eq!((three.len(), three.runs.len()), (30, 3));
+    for number in 0..10 {
+        let own = three.target(number)[0];
+        assert!((three.target(10 + number)[0] - (own - 0.2)).abs() < 1e-6, "left");
+        assert!((three.target(20 + number)[0] - (own + 0.2)).abs() < 1e-6, "right");
+        assert_eq!(three.target(10 + number)[1], three.target(number)[1], "speed");
+    }
+    assert!(three.runs.iter().all(|run| run.world == "oval"));
+}
+
+/// A top speed of nothing makes the part of it that is driven infinite.
+#[test]
+fn a_label_out_of_range_costs_only_its_frame() {
+    let mut run = recording(6, "oval", &["center"]);
+    run.header.body.speed_limit_mps = 1e-3;
+    run.steps[2].command.drive = senda_core::Drive::SpeedMps(0.001);
+    let (samples, warnings) = read(&[run], &[Answer::Steering, Answer::Speed], &everything()).unwrap();
+    assert!(
+        samples.targets.iter().all(|target| target.abs() <= 10.0),
+        "{:?}",
+        samples.targets
+    );
+    assert_eq!(samples.len() == 6, warnings.is_empty(), "{warnings:?}");
+}
