@@ -54,7 +54,7 @@ fn it_learns() {
 #[test]
 fn interrupted_before_any_step_and_resumed_it_ends_the_same() {
     let expected = whole(&options());
-    for steps in 0..21 {
+    for steps in 0..21u32 {
         let folder = tempfile::tempdir().unwrap();
         let checkpoint = folder.path().join("checkpoint");
         let (training, validation) = (samples(50), samples(10));
