@@ -285,6 +285,33 @@ impl LineExtractor {
         self.statistics
     }
 
+    /// Writes 255 where the last extraction's residue is above its threshold and 0 elsewhere: what shows as lines before
+    /// shapes are judged. For whoever looks for lines by edges (A5 in SPEC).
+    ///
+    /// # Panics
+    /// When `mask` has not one byte for each pixel of a frame.
+    pub fn mask(&self, mask: &mut [u8]) {
+        assert_eq!(mask.len(), self.width * self.height);
+        if self.statistics.max < self.options.residue_min {
+            return mask.fill(0);
+        }
+        let (above, looked_at) = mask.split_at_mut(self.width * self.top);
+        above.fill(0);
+        self.level.run(Threshold {
+            values: &self.fine,
+            threshold: self.fine_threshold(),
+            mask: looked_at,
+        });
+        for bit in looked_at {
+            *bit *= 255;
+        }
+    }
+
+    /// The threshold in units of the fine residue.
+    fn fine_threshold(&self) -> u16 {
+        (self.statistics.threshold * f64::from(1 << FINE_BITS)).floor() as u16
+    }
+
     fn convert(&mut self, image: &Image) {
         let grey = Grey::new(self.options.channel);
         if (image.width(), image.height()) == (self.width, self.height) {
@@ -316,7 +343,7 @@ impl LineExtractor {
     }
 
     fn label(&mut self) {
-        let threshold = (self.statistics.threshold * f64::from(1 << FINE_BITS)).floor() as u16;
+        let threshold = self.fine_threshold();
         let (fine, width, level, top) = (&self.fine, self.width, self.level, self.top);
         self.components.label(self.height, &mut self.mask_row, |y, mask| {
             let Some(y) = y.checked_sub(top) else {
