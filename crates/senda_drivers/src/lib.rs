@@ -1,4 +1,5 @@
-//! Drivers: `line` and `lane` follow painted lines by camera, `expert` follows a path that it is told.
+//! Drivers: `line` and `lane` follow painted lines by camera, `hough` steers by straight edges of a lane's coloured tape,
+//! `expert` follows a path that it is told.
 //!
 //! ```
 //! use senda_core::{Body, Driver, Observation, Steering};
@@ -40,6 +41,9 @@ mod candidate;
 pub mod expert;
 pub mod follow;
 mod helm;
+pub mod hough;
+mod hough_lanes;
+mod hough_mask;
 pub mod lane;
 mod lane_curve;
 mod lane_document;
@@ -59,6 +63,8 @@ mod test_vehicle;
 
 pub use expert::{ExpertDriver, ExpertOptions};
 pub use follow::{FollowOptions, Form, LineState};
+pub use hough::{HoughDriver, HoughDriverOptions, Mask};
+pub use hough_lanes::Sides;
 pub use lane::{LaneDriver, LaneOptions, LaneShape};
 pub use line::{ChoiceOptions, LineDriver, LineOptions};
 pub use loss::{LossOptions, Mode, WhileLost};

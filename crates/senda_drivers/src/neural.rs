@@ -100,6 +100,15 @@ fn lock_rad(body: &Body) -> f64 {
     }
 }
 
+/// The turn that is a part of full lock, left positive; a curvature for vehicles without front wheels.
+pub(crate) fn turn_of_lock(body: &Body, part: f64) -> Turn {
+    let angle_rad = part * lock_rad(body);
+    match body.steering {
+        Steering::Ackermann { .. } => Turn::SteeringRad(angle_rad),
+        Steering::Differential { track_m } => Turn::CurvaturePerM(trig::tan(angle_rad) / track_m),
+    }
+}
+
 /// Options of the network driver.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -223,15 +232,7 @@ impl NeuralDriver {
                     }
                     self.turn = value;
                     turn = match answer {
-                        Answer::Steering => {
-                            let angle = value * lock_rad(&self.body);
-                            match self.body.steering {
-                                Steering::Ackermann { .. } => Turn::SteeringRad(angle),
-                                Steering::Differential { track_m } => {
-                                    Turn::CurvaturePerM(trig::tan(angle) / track_m)
-                                }
-                            }
-                        }
+                        Answer::Steering => turn_of_lock(&self.body, value),
                         _ => Turn::CurvaturePerM(value * CURVATURE_OF_ONE_PER_M),
                     };
                 }

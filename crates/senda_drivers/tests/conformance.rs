@@ -4,7 +4,8 @@ mod support;
 
 use senda_core::{Channels, Driver, Explanation, Frame, Image, Observation, Stamp};
 use senda_drivers::{
-    DriverError, Form, LaneDriver, LaneOptions, LineDriver, LineOptions, SightOptions, TrackOptions,
+    DriverError, Form, HoughDriver, HoughDriverOptions, LaneDriver, LaneOptions, LineDriver, LineOptions,
+    Mask, SightOptions, TrackOptions,
 };
 use support::{Eye, Floor, gopigo, kit_car, straight};
 
@@ -28,6 +29,18 @@ fn drivers() -> Vec<(String, Box<dyn Driver>)> {
             all.push((
                 format!("lane {form:?} {}", body.name),
                 Box::new(LaneDriver::new(&body, lane).unwrap()),
+            ));
+        }
+    }
+    for mask in [Mask::Colour, Mask::Strength] {
+        for body in [gopigo(160, 120), kit_car()] {
+            let hough = HoughDriverOptions {
+                mask,
+                ..HoughDriverOptions::default()
+            };
+            all.push((
+                format!("hough {mask:?} {}", body.name),
+                Box::new(HoughDriver::new(&body, hough).unwrap()),
             ));
         }
     }
@@ -242,6 +255,10 @@ fn options_survive_toml_and_unknown_keys_are_refused() {
     let lane = LaneDriver::new(&body, LaneOptions::default()).unwrap();
     let back: LaneOptions = lane.parameters().try_into().unwrap();
     assert_eq!(back, LaneOptions::default());
+    let hough = HoughDriver::new(&body, HoughDriverOptions::default()).unwrap();
+    let back: HoughDriverOptions = hough.parameters().try_into().unwrap();
+    assert_eq!(back, HoughDriverOptions::default());
+    assert!(toml::from_str::<HoughDriverOptions>("masc = \"colour\"").is_err());
     assert!(toml::from_str::<LineOptions>("speeed = 1").is_err());
     assert!(toml::from_str::<LaneOptions>("[shape]\nwidth = 0.2").is_err());
 }

@@ -4,7 +4,9 @@
 mod support;
 
 use senda_core::{Command, Driver, Explanation, Observation};
-use senda_drivers::{LaneDriver, LaneOptions, LineDriver, LineOptions};
+use senda_drivers::{
+    HoughDriver, HoughDriverOptions, LaneDriver, LaneOptions, LineDriver, LineOptions, Mask,
+};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use support::{Floor, Loop, gopigo, s_curve};
@@ -55,7 +57,7 @@ impl<D: Driver> Driver for Counted<D> {
 }
 
 #[test]
-fn neither_driver_allocates_per_frame() {
+fn no_camera_driver_allocates_per_frame() {
     // Lines and floors with which both drivers also search: dashes, lamps' images, a lane that is elsewhere at times.
     let path = s_curve(0.4);
     let mut floor = Floor::around(&path, 0.9, 90);
@@ -68,9 +70,19 @@ fn neither_driver_allocates_per_frame() {
     let mut run = Loop::new(&body, &floor, &path);
     run.goal_m = path.length_m() - 0.7;
     run.seconds = 15.0;
-    let drivers: [Box<dyn Driver>; 2] = [
+    // The lines are white. Where it sees none of them, it shall drive on nevertheless.
+    let mut white: HoughDriverOptions =
+        toml::from_str("colours = [{ low = [0, 0, 180], high = [180, 60, 255] }]").unwrap();
+    white.loss.stop_after_m = 100.0;
+    let strong = HoughDriverOptions {
+        mask: Mask::Strength,
+        ..white.clone()
+    };
+    let drivers: [Box<dyn Driver>; 4] = [
         Box::new(LineDriver::new(&body, LineOptions::default()).unwrap()),
         Box::new(LaneDriver::new(&body, LaneOptions::default()).unwrap()),
+        Box::new(HoughDriver::new(&body, white).unwrap()),
+        Box::new(HoughDriver::new(&body, strong).unwrap()),
     ];
     for (index, driver) in drivers.into_iter().enumerate() {
         let mut counted = Counted {
