@@ -3,8 +3,8 @@
 use crate::RunError;
 use senda_core::{Body, Command, Driver, Explanation, Observation, PrivilegedDriver, Truth};
 use senda_drivers::{
-    ExpertDriver, ExpertOptions, LaneDriver, LaneOptions, LineDriver, LineOptions, NeuralDriver,
-    NeuralOptions,
+    ExpertDriver, ExpertOptions, HoughDriver, HoughDriverOptions, LaneDriver, LaneOptions, LineDriver,
+    LineOptions, NeuralDriver, NeuralOptions,
 };
 use senda_geom::Curve;
 use senda_nets::Model;
@@ -20,9 +20,13 @@ pub enum Pilot {
 }
 
 /// Names of all drivers, with what each does.
-pub const DRIVERS: [(&str, &str); 4] = [
+pub const DRIVERS: [(&str, &str); 5] = [
     ("line", "follows one line by camera (document C)"),
     ("lane", "stays between two lines by camera (document C)"),
+    (
+        "hough",
+        "steers by straight edges of a lane's pink tape (document A)",
+    ),
     (
         "neural",
         "does what a trained network answers (option `model`: its file)",
@@ -53,6 +57,11 @@ impl Pilot {
                 let mut options: LaneOptions = parse_options(name, options)?;
                 options.set_speed(speed_mps);
                 Self::Driver(Box::new(LaneDriver::new(body, options)?))
+            }
+            "hough" => {
+                let mut options: HoughDriverOptions = parse_options(name, options)?;
+                options.set_speed(speed_mps);
+                Self::Driver(Box::new(HoughDriver::new(body, options)?))
             }
             "neural" => {
                 let mut options = options.clone();

@@ -16,7 +16,7 @@ pub struct Scenario {
     pub world: String,
     /// Ready vehicle (`gopigo`) or vehicle file.
     pub vehicle: String,
-    /// `line`, `lane` or `expert`.
+    /// `line`, `lane`, `hough`, `neural` or `expert`.
     pub driver: String,
     /// Laps to drive; on an open world, the way to its end counts as one. At least 1.
     #[serde(default = "one")]
