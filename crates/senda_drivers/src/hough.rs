@@ -391,7 +391,7 @@ mod tests {
         let image = picture(320, PINK, &[[60.0, -140.0]]);
         // Leans so far that it asks for less than 40°.
         let angle_deg = show(&mut car, &image, 100);
-        assert!(angle_deg >= 40.0 - 1e-9 && angle_deg < 41.0, "{angle_deg}");
+        assert!((40.0 - 1e-9..41.0).contains(&angle_deg), "{angle_deg}");
         let Turn::SteeringRad(angle_rad) = turn_of_lock(&car.body, car.lock_part()) else {
             panic!("a car is steered by its wheels");
         };

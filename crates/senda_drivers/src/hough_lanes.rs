@@ -80,7 +80,7 @@ impl ScreenLane {
                     columns_per_row > 0.0 && u.min(other_u) > side_px,
                 ),
             };
-            let weight = across.hypot(down);
+            let weight = trig::hypot(across, down);
             if is_left {
                 left.add(line, weight);
             } else if is_right {
