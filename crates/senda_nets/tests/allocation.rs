@@ -25,13 +25,18 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
+/// Allocations of three times this work, once everything is warm. A thread may begin late and allocate what every thread
+/// does at its start: the least of some attempts counts.
 fn allocations(mut work: impl FnMut()) -> usize {
     work();
-    let before = COUNT.load(Ordering::Relaxed);
-    for _ in 0..3 {
-        work();
-    }
-    COUNT.load(Ordering::Relaxed) - before
+    let mut attempt = || {
+        let before = COUNT.load(Ordering::Relaxed);
+        for _ in 0..3 {
+            work();
+        }
+        COUNT.load(Ordering::Relaxed) - before
+    };
+    (0..20).map(|_| attempt()).min().unwrap_or_default()
 }
 
 /// One test, so that no other thread of the test program allocates meanwhile.
