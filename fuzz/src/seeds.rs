@@ -4,7 +4,7 @@ use crate::{body, root};
 use senda_core::{Channels, Command, Encoded, Explanation, Frame, Image, Observation, Stamp, Truth, codec};
 use senda_data::{RecordingHeader, RecordingWriter};
 use senda_geom::{Camera, Lens, Mounting, Vec2};
-use senda_nets::{Colour, InputSpec, Model, Network, OutputSpec, Provenance, Weights};
+use senda_nets::{InputSpec, Model, Network, OutputSpec, Provenance, Weights};
 use senda_vision::calibration::{CalibrationOptions, Sheet, calibrate};
 use std::io::Cursor;
 use std::path::Path;
@@ -36,14 +36,11 @@ fn model() -> Model {
     let network = Network::named("tinypilotnet").expect("a ready network");
     Model {
         weights: Weights::random(&network, 1),
+        input: InputSpec::of(network.input()),
         network,
-        input: InputSpec::new(32, 16, Colour::Saturation),
         outputs: vec![OutputSpec {
             name: "steering".into(),
             unit: "rad".into(),
-            scale: 0.5,
-            offset: 0.0,
-            limit: None,
         }],
         provenance: Provenance::default(),
     }

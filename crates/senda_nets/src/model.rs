@@ -264,6 +264,10 @@ impl Model {
 }
 
 fn read_weights(network: &Network, header: &Map<String, Value>, data: &[u8]) -> Result<Weights, String> {
+    // A hostile header asks for no more memory than the file has bytes.
+    if network.parameter_count() > data.len() / 4 {
+        return Err("one that was cut short: weights are missing at its end".to_owned());
+    }
     let mut values = vec![0f32; network.parameter_count()];
     for tensor in network.tensors() {
         let read = tensor_values(header, data, &tensor.name, &tensor.shape)?;
