@@ -36,8 +36,6 @@ pub struct Gathering {
     pub start_offset: f64,
     /// Starting headings to either side of the path (rad).
     pub start_heading_rad: f64,
-    /// The camera's mounting differs from the file by up to this much up or down, left or right (rad), beyond the file's own.
-    pub camera_turned_rad: f64,
     /// The first frames of a drive are not learned: exposure settles (A6 in SPEC).
     pub skip_frames: usize,
 }
@@ -58,7 +56,6 @@ impl Default for Gathering {
             }),
             start_offset: 0.6,
             start_heading_rad: 0.35,
-            camera_turned_rad: 0.0,
             skip_frames: 4,
         }
     }
