@@ -20,6 +20,10 @@ const TILE: usize = VECTORS * WIDEST;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Level {
     /// Eight values in an array; the compiler does what it can.
+    #[cfg_attr(
+        target_arch = "aarch64",
+        allow(dead_code, reason = "every such processor has Neon; tests compare the two")
+    )]
     Portable,
     /// Only [`Level::detect`] makes the others, where it saw that the processor has what they need.
     #[cfg(target_arch = "x86_64")]
