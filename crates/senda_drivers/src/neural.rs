@@ -4,7 +4,7 @@ use crate::options::{DriverError, check};
 use crate::speed::SpeedOptions;
 use senda_core::{Body, Command, Drive, Driver, Explanation, Observation, Steering, Turn};
 use senda_geom::trig;
-use senda_nets::{Inference, Model, Preparer};
+use senda_nets::{Inference, Model, OutputSpec, Preparer};
 use serde::{Deserialize, Serialize};
 
 /// What one output of a network means. Targets and answers are around -1..1.
@@ -62,6 +62,14 @@ impl Answer {
             Self::Curvature => "2/m, left positive",
             Self::Speed => "part of top speed",
             Self::Throttle => "part of full throttle, negative brakes",
+        }
+    }
+
+    /// How a model file describes it.
+    pub fn output(self) -> OutputSpec {
+        OutputSpec {
+            name: self.name().to_owned(),
+            unit: self.unit().to_owned(),
         }
     }
 

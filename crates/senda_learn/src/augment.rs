@@ -2,6 +2,7 @@
 //! needs. All are options; the recordings stay as they are.
 
 use rand::{Rng, RngExt};
+use senda_drivers::Answer;
 use serde::{Deserialize, Serialize};
 
 /// What is changed, and how much. Zero switches a treatment off.
@@ -84,6 +85,15 @@ impl Augmentation {
 pub struct Answers {
     /// For each output: whether it is a turn, negated by mirroring.
     pub is_turn: Vec<bool>,
+}
+
+impl Answers {
+    /// Of a network that gives these answers.
+    pub fn of(answers: &[Answer]) -> Self {
+        Self {
+            is_turn: answers.iter().map(|answer| answer.is_turn()).collect(),
+        }
+    }
 }
 
 /// Changes a frame (`channels` planes of `height` rows of `width` bytes) and its targets in place. `scratch` is reused.

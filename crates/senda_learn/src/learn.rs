@@ -5,12 +5,11 @@ use crate::correct::{self, Brief, Gathered, Gathering};
 use crate::train::{Epoch, Lesson, News, Training, train};
 use crate::{LearnError, Samples, store};
 use senda_drivers::Answer;
-use senda_eval::statistics::{Rate, rate};
-use senda_nets::{Colour, Crop, InputSpec, Model, Network, OutputSpec, Provenance, Weights};
+use senda_nets::{Colour, Crop, InputSpec, Model, Network, Provenance, Weights};
 use senda_run::sweep::{self, Plan};
 use senda_run::{Ears, Scenario};
 use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A whole experiment. The resolved copy lies in its folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -107,12 +106,7 @@ impl Learning {
 
     /// The network, with as many outputs as there are answers.
     pub fn resolve_network(&self) -> Result<Network, LearnError> {
-        let network = find_network(&self.network)?;
-        Ok(if network.output_len() == self.answers.len() {
-            network
-        } else {
-            network.with_outputs(self.answers.len())?
-        })
+        network_for(&self.network, &self.answers)
     }
 
     /// How frames are prepared for it.
@@ -175,6 +169,16 @@ pub fn find_network(name: &str) -> Result<Network, LearnError> {
     })
 }
 
+/// The same, with as many outputs as there are answers.
+pub fn network_for(name: &str, answers: &[Answer]) -> Result<Network, LearnError> {
+    let network = find_network(name)?;
+    Ok(if network.output_len() == answers.len() {
+        network
+    } else {
+        network.with_outputs(answers.len())?
+    })
+}
+
 /// What a round brought.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Round {
@@ -230,9 +234,7 @@ pub fn learn(
     learning.check()?;
     let network = learning.resolve_network()?;
     let input = learning.resolve_input(&network)?;
-    let answers = Answers {
-        is_turn: learning.answers.iter().map(|answer| answer.is_turn()).collect(),
-    };
+    let answers = Answers::of(&learning.answers);
     std::fs::create_dir_all(folder).map_err(|source| LearnError::io(folder, source))?;
     same_experiment(learning, &folder.join("experiment.toml"))?;
 
@@ -240,14 +242,7 @@ pub fn learn(
         weights: Weights::initialised(&network, learning.training.initialisation, learning.seed),
         network,
         input,
-        outputs: learning
-            .answers
-            .iter()
-            .map(|answer| OutputSpec {
-                name: answer.name().to_owned(),
-                unit: answer.unit().to_owned(),
-            })
-            .collect(),
+        outputs: learning.answers.iter().map(|answer| answer.output()).collect(),
         provenance: provenance(learning),
     };
     let mut all = Samples::new(model.input.len(), learning.answers.len());
@@ -486,14 +481,4 @@ pub fn trial_plan(trial: &Trial, vehicle: &str, image_px: Option<[u32; 2]>, mode
         sample: Some(trial.runs),
         ..Plan::once(base)
     }
-}
-
-/// The rate of completed runs with its interval.
-pub fn success(trial: [usize; 2]) -> Rate {
-    rate(trial[0] as u64, trial[1] as u64)
-}
-
-/// Where a finished experiment's model lies in its folder.
-pub fn model_path(learning: &Learning, folder: &Path) -> PathBuf {
-    folder.join(format!("round-{}.senda", learning.rounds))
 }

@@ -8,11 +8,11 @@ use senda_drivers::Answer;
 use senda_learn::{
     Answers, Split,
     gather::{self, Data, Selection},
-    learn::find_network,
+    learn::network_for,
     split::split,
     train::{self, Lesson, News, Training},
 };
-use senda_nets::{Colour, Crop, InputSpec, Model, OutputSpec, Provenance, Weights};
+use senda_nets::{Colour, Crop, InputSpec, Model, Provenance, Weights};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -178,10 +178,7 @@ impl Arguments {
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let experiment = arguments.experiment()?;
     let began_ns = terminal::clock_ns();
-    let mut network = find_network(&experiment.network)?;
-    if network.output_len() != experiment.answers.len() {
-        network = network.with_outputs(experiment.answers.len())?;
-    }
+    let mut network = network_for(&experiment.network, &experiment.answers)?;
     let mut input = InputSpec {
         crop: experiment.crop,
         ..InputSpec::of(network.input())
@@ -248,9 +245,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     };
     // What the data do not know, a model that is fine-tuned may.
     input.camera = camera.or(input.camera);
-    let answers = Answers {
-        is_turn: experiment.answers.iter().map(|answer| answer.is_turn()).collect(),
-    };
+    let answers = Answers::of(&experiment.answers);
     let checkpoint = match &arguments.folder {
         Some(folder) => {
             std::fs::create_dir_all(folder)
@@ -334,14 +329,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             .insert("best_epoch".into(), serde_json::to_value(best)?);
     }
     let model = Model {
-        outputs: experiment
-            .answers
-            .iter()
-            .map(|answer| OutputSpec {
-                name: answer.name().to_owned(),
-                unit: answer.unit().to_owned(),
-            })
-            .collect(),
+        outputs: experiment.answers.iter().map(|answer| answer.output()).collect(),
         network,
         weights: trained.weights,
         input,
