@@ -71,6 +71,31 @@ impl Lens {
         }
     }
 
+    /// The same lens with its focal lengths times `factor`: a narrower view above 1, a wider one below.
+    pub fn zoomed(mut self, factor: f64) -> Self {
+        match &mut self {
+            Self::Pinhole {
+                focal_u_px,
+                focal_v_px,
+                ..
+            }
+            | Self::KannalaBrandt {
+                focal_u_px,
+                focal_v_px,
+                ..
+            }
+            | Self::Brown {
+                focal_u_px,
+                focal_v_px,
+                ..
+            } => {
+                *focal_u_px *= factor;
+                *focal_v_px *= factor;
+            }
+        }
+        self
+    }
+
     /// The pixel that a direction in the camera frame falls on; `None` behind the camera, or so far off the axis that
     /// the distortion polynomial folds back (it would put what the lens cannot see into the middle of the image).
     pub fn project(&self, direction: Vec3) -> Option<Vec2> {

@@ -38,6 +38,45 @@ pub struct Gathering {
     pub start_heading_rad: f64,
     /// The first frames of a drive are not learned: exposure settles (A6 in SPEC).
     pub skip_frames: usize,
+    /// How far each drive's cameras are from the vehicle's own, so that a network does not depend on one mounting. A model
+    /// that learned with a spread accepts every camera.
+    pub cameras: CameraSpread,
+}
+
+/// Differences between cameras; every drive draws its own, evenly to both sides. Zero: all are alike.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CameraSpread {
+    /// Of the height above the floor, as a part of it.
+    pub height: f64,
+    /// Of the tilt (rad).
+    pub tilt_rad: f64,
+    /// Of the focal length, as a part of it.
+    pub focal: f64,
+}
+
+impl CameraSpread {
+    /// Whether all cameras are alike.
+    pub fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Changes the vehicle's cameras, all in the same way. `draw` gives numbers of -1..=1.
+    fn apply(&self, spec: &mut VehicleSpec, mut draw: impl FnMut() -> f64) {
+        if self.is_none() {
+            return;
+        }
+        let (height, tilt_rad, focal) = (
+            1.0 + self.height * draw(),
+            self.tilt_rad * draw(),
+            1.0 + self.focal * draw(),
+        );
+        for camera in &mut spec.cameras {
+            camera.camera.mounting.z_m *= height;
+            camera.camera.mounting.tilt_rad += tilt_rad;
+            camera.camera.lens = camera.camera.lens.zoomed(focal);
+        }
+    }
 }
 
 impl Default for Gathering {
@@ -57,6 +96,7 @@ impl Default for Gathering {
             start_offset: 0.6,
             start_heading_rad: 0.35,
             skip_frames: 4,
+            cameras: CameraSpread::default(),
         }
     }
 }
@@ -103,6 +143,24 @@ impl Gathering {
                 "gathering.start_heading_rad",
                 "0 to 1.57",
                 self.start_heading_rad.to_string(),
+            ),
+            (
+                (0.0..=0.9).contains(&self.cameras.height),
+                "gathering.cameras.height",
+                "0 to 0.9",
+                self.cameras.height.to_string(),
+            ),
+            (
+                (0.0..=0.5).contains(&self.cameras.tilt_rad),
+                "gathering.cameras.tilt_rad",
+                "0 to 0.5",
+                self.cameras.tilt_rad.to_string(),
+            ),
+            (
+                (0.0..=0.5).contains(&self.cameras.focal),
+                "gathering.cameras.focal",
+                "0 to 0.5",
+                self.cameras.focal.to_string(),
             ),
             (
                 !self.image_px.is_some_and(wrong_size),
@@ -227,11 +285,13 @@ fn one(brief: &Brief, spec: &VehicleSpec, model: Option<&Model>, number: u64) ->
     };
     let [slow, fast] = gathering.speed_mps;
     let speed_mps = 0.5 * (slow + fast) + 0.5 * spread(1.0) * (fast - slow);
+    let mut spec = spec.clone();
+    gathering.cameras.apply(&mut spec, || spread(1.0));
     let path = world.path.clone();
     let half_width_m = world.corridor_half_width_m;
     let mut simulator = Simulator::new(
         world,
-        spec,
+        &spec,
         SimOptions {
             seed: seed ^ number.wrapping_mul(0x9e37_79b9_7f4a_7c15),
             start,

@@ -117,7 +117,12 @@ impl Learning {
         }
         let mut input = InputSpec {
             crop: self.crop,
-            camera: spec.body().cameras.first().cloned(),
+            camera: spec
+                .body()
+                .cameras
+                .first()
+                .filter(|_| self.gathering.cameras.is_none())
+                .cloned(),
             ..InputSpec::of(network.input())
         };
         if let Some(colour) = self.colour {

@@ -4,7 +4,7 @@ use crate::RunError;
 use senda_world::{Colour, Difficulty, Kind, World};
 
 /// The families of random worlds, with what each is for.
-pub const FAMILIES: [(&str, &str); 5] = [
+pub const FAMILIES: [(&str, &str); 6] = [
     (
         "random-line",
         "one black or white line on a floor as in document C: plain or speckled, matt or glossy",
@@ -24,6 +24,10 @@ pub const FAMILIES: [(&str, &str); 5] = [
     (
         "random-circuit",
         "a lane of two tapes for the kit car (document A)",
+    ),
+    (
+        "random-track",
+        "a race track for model cars: wide, often with a dashed line in its middle, things around it",
     ),
 ];
 
@@ -71,6 +75,7 @@ pub fn difficulty(family: &str) -> Option<Difficulty> {
         "random-line-any" => any_line,
         "random-lane-any" => any_lane,
         "random-circuit" => Difficulty::lane(),
+        "random-track" => Difficulty::track(),
         _ => return None,
     })
 }

@@ -43,6 +43,8 @@ pub struct Difficulty {
     pub tone: Tone,
     /// Probability that lines are dashed.
     pub dashes: f64,
+    /// Probability that a lane has a dashed line in its middle too, of another colour where one fits.
+    pub centre: f64,
     /// Most wear of the paint, 0..=1.
     pub wear: f64,
     /// Most stain of the paint, 0..=1.
@@ -104,6 +106,7 @@ impl Default for Difficulty {
             .collect(),
             tone: Tone::Any,
             dashes: 0.0,
+            centre: 0.0,
             wear: 0.15,
             stain: 0.15,
             shadows: 0.2,
@@ -122,6 +125,23 @@ impl Difficulty {
             min_radius_m: 0.45,
             length_m: [6.0, 13.0],
             ..Self::default()
+        }
+    }
+}
+
+impl Difficulty {
+    /// A race track for model cars: wide, often with a dashed line in the middle, things all around it.
+    pub fn track() -> Self {
+        Self {
+            min_radius_m: 0.8,
+            length_m: [14.0, 30.0],
+            lane_width_m: [0.8, 2.2],
+            line_width_m: [0.03, 0.07],
+            clearance_m: 0.15,
+            centre: 0.75,
+            lamps: 0.6,
+            things: 24,
+            ..Self::lane()
         }
     }
 }

@@ -90,17 +90,9 @@ pub(super) fn choose_markings(
         fitting[dice.below(fitting.len())]
     };
     let width_m = dice.between(difficulty.line_width_m).max(0.002);
-    let dash = dice.chance(difficulty.dashes).then(|| {
-        // A whole number of dashes around the lap.
-        let period_m = dice.between([0.10, 0.24]);
-        let period_m = path.length_m() / (path.length_m() / period_m).round().max(1.0);
-        let painted = dice.between([0.5, 0.75]);
-        Dash {
-            length_m: period_m * painted,
-            gap_m: period_m * (1.0 - painted),
-            phase_m: 0.0,
-        }
-    });
+    let dash = dice
+        .chance(difficulty.dashes)
+        .then(|| choose_dash(dice, path, [0.10, 0.24]));
     let marking = Marking {
         offset_m: 0.0,
         width_m,
@@ -111,15 +103,41 @@ pub(super) fn choose_markings(
         stain: difficulty.stain * dice.part(),
         gloss: dice.between([0.05, 0.4]),
     };
-    match lane_width_m {
-        None => vec![marking],
-        Some(lane_width_m) => [0.5, -0.5]
-            .into_iter()
-            .map(|side| Marking {
-                offset_m: side * lane_width_m,
-                ..marking.clone()
-            })
-            .collect(),
+    let Some(lane_width_m) = lane_width_m else {
+        return vec![marking];
+    };
+    let mut markings: Vec<Marking> = [0.5, -0.5]
+        .into_iter()
+        .map(|side| Marking {
+            offset_m: side * lane_width_m,
+            ..marking.clone()
+        })
+        .collect();
+    // Without a roll where there is no choice: other families keep their worlds.
+    if difficulty.centre > 0.0 && dice.chance(difficulty.centre) {
+        let others: Vec<Colour> = fitting.iter().copied().filter(|other| *other != colour).collect();
+        markings.push(Marking {
+            colour: if others.is_empty() {
+                colour
+            } else {
+                others[dice.below(others.len())]
+            },
+            dash: Some(choose_dash(dice, path, [0.15 * lane_width_m, 0.5 * lane_width_m])),
+            ..marking
+        });
+    }
+    markings
+}
+
+/// A whole number of dashes around the lap.
+fn choose_dash(dice: &mut Dice, path: &Curve, period_m: [f64; 2]) -> Dash {
+    let period_m = dice.between(period_m);
+    let period_m = path.length_m() / (path.length_m() / period_m).round().max(1.0);
+    let painted = dice.between([0.5, 0.75]);
+    Dash {
+        length_m: period_m * painted,
+        gap_m: period_m * (1.0 - painted),
+        phase_m: 0.0,
     }
 }
 
