@@ -288,6 +288,7 @@ fn sweep(examples: &[Summary]) -> Vec<SweepRun> {
             ),
             summary: Some(summary),
             error: String::new(),
+            latency_s: 0.0,
         });
     }
     runs

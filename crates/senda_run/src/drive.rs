@@ -76,6 +76,8 @@ pub fn run<W: Write + Seek>(
     let options = SimOptions {
         seed: scenario.seed,
         start,
+        extra_latency_s: scenario.latency_s,
+        lost_frames: scenario.lost_frames,
         ..SimOptions::default()
     };
     let mut simulator = Simulator::new(world.clone(), &spec, options)?;

@@ -39,6 +39,12 @@ pub struct Scenario {
     /// Image width and height (px) that replace the vehicle's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image_px: Option<[u32; 2]>,
+    /// Further delay (s) from the exposure to the driver, on top of the camera's own: a slow link or a slow processor.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub latency_s: f64,
+    /// Part of the frames that get lost on the way, 0..=1; the driver keeps its command meanwhile.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub lost_frames: f64,
     /// Where the run begins, relative to the world's start.
     #[serde(default)]
     pub start: StartOffset,
@@ -76,6 +82,10 @@ fn one_u64() -> u64 {
     1
 }
 
+fn is_zero(number: &f64) -> bool {
+    *number == 0.0
+}
+
 impl Scenario {
     /// One lap with everything else as the files say.
     pub fn new(world: &str, vehicle: &str, driver: &str) -> Self {
@@ -90,6 +100,8 @@ impl Scenario {
             speed_mps: None,
             reverse: false,
             image_px: None,
+            latency_s: 0.0,
+            lost_frames: 0.0,
             start: StartOffset::default(),
             time_limit_s: None,
             calibration: None,
@@ -135,6 +147,12 @@ impl Scenario {
                 format!("[{width}, {height}]"),
                 "two sizes from 8 to 4096",
             );
+        }
+        if !(0.0..=10.0).contains(&self.latency_s) {
+            return wrong("latency_s", self.latency_s.to_string(), "0 to 10");
+        }
+        if !(0.0..=1.0).contains(&self.lost_frames) {
+            return wrong("lost_frames", self.lost_frames.to_string(), "0 to 1");
         }
         let start = self.start;
         if ![start.station_m, start.offset_m, start.heading_rad]

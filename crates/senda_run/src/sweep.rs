@@ -41,6 +41,9 @@ pub struct Plan {
     /// Speeds (m/s).
     #[serde(default)]
     pub speeds_mps: Vec<f64>,
+    /// Further delays from the exposure to the driver (s).
+    #[serde(default)]
+    pub latencies_s: Vec<f64>,
     /// Image sizes (px).
     #[serde(default)]
     pub images_px: Vec<[u32; 2]>,
@@ -102,6 +105,7 @@ impl Plan {
             lights: vec![],
             floors: vec![],
             speeds_mps: vec![],
+            latencies_s: vec![],
             images_px: vec![],
             both_directions: false,
             start_spread: StartSpread::default(),
@@ -144,6 +148,11 @@ impl Plan {
         } else {
             self.speeds_mps.iter().copied().map(Some).collect()
         };
+        let latencies = if self.latencies_s.is_empty() {
+            vec![self.base.latency_s]
+        } else {
+            self.latencies_s.clone()
+        };
         let images: Vec<Option<[u32; 2]>> = if self.images_px.is_empty() {
             vec![self.base.image_px]
         } else {
@@ -164,9 +173,10 @@ impl Plan {
             images.len(),
             directions.len(),
             seeds.len(),
+            latencies.len(),
         ];
         let total: usize = sizes.iter().product();
-        let scenario = |places: [usize; 8], number: u64| -> Scenario {
+        let scenario = |places: [usize; 9], number: u64| -> Scenario {
             let mut rng = ChaCha8Rng::seed_from_u64(self.base.seed);
             rng.set_stream(number + 1);
             let mut spread = |half: f64| {
@@ -190,6 +200,7 @@ impl Plan {
                 image_px: images[places[5]],
                 reverse: directions[places[6]],
                 seed: seeds[places[7]],
+                latency_s: latencies[places[8]],
                 start,
                 ..self.base.clone()
             }
@@ -201,7 +212,15 @@ impl Plan {
                 .collect(),
             Some(count) => (0..count as u64)
                 .map(|number| {
-                    let places = sizes.map(|size| picker.random_range(0..size));
+                    let mut draw = |size: usize| picker.random_range(0..size);
+                    let mut places = [0; 9];
+                    for (place, size) in places.iter_mut().zip(sizes).take(8) {
+                        *place = draw(size);
+                    }
+                    // No draw without a choice: sweeps that do not vary it keep their runs.
+                    if sizes[8] > 1 {
+                        places[8] = draw(sizes[8]);
+                    }
                     let drawn = scenario(places, number);
                     Scenario {
                         seed: self.base.seed + number,
@@ -213,27 +232,31 @@ impl Plan {
     }
 }
 
-fn unravel(mut number: usize, sizes: &[usize; 8]) -> [usize; 8] {
-    let mut places = [0; 8];
-    for i in (0..8).rev() {
+fn unravel(mut number: usize, sizes: &[usize; 9]) -> [usize; 9] {
+    let mut places = [0; 9];
+    for i in (0..9).rev() {
         places[i] = number % sizes[i];
         number /= sizes[i];
     }
     places
 }
 
-/// The key of a run: the same scenario (with the same model file's content) under the same version of senda gives the same result.
-pub fn key(scenario: &Scenario) -> String {
-    let mut text = format!("{}\n{}", env!("CARGO_PKG_VERSION"), scenario.to_toml());
-    if let Some(model) = scenario.driver_options.get("model").and_then(toml::Value::as_str)
-        && let Ok(content) = std::fs::read(model)
-    {
-        for byte in Sha256::digest(content) {
-            text += &format!("{byte:02x}");
+/// The keys of runs: the same scenario (with the same model file's content) under the same version of senda gives the same
+/// result. A model file that many runs share is read once.
+fn keys(runs: &[Scenario]) -> Vec<String> {
+    let hex = |bytes: &[u8]| -> String { bytes.iter().map(|byte| format!("{byte:02x}")).collect() };
+    let mut models: BTreeMap<&str, String> = BTreeMap::new();
+    let key = |scenario| {
+        let mut text = format!("{}\n{}", env!("CARGO_PKG_VERSION"), Scenario::to_toml(scenario));
+        let model = scenario.driver_options.get("model").and_then(toml::Value::as_str);
+        if let Some(model) = model {
+            text += models.entry(model).or_insert_with(|| {
+                std::fs::read(model).map_or_else(|_| String::new(), |content| hex(&Sha256::digest(content)))
+            });
         }
-    }
-    let digest = Sha256::digest(text);
-    digest.iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+        hex(&Sha256::digest(text)[..8])
+    };
+    runs.iter().map(key).collect()
 }
 
 /// Runs a plan on all threads of the current rayon pool. Lines of `results` that belong to the plan are kept; missing
@@ -248,7 +271,7 @@ pub fn run(
     clock_ns: &(dyn Fn() -> u64 + Sync),
 ) -> Result<Vec<Line>, RunError> {
     let runs = plan.runs()?;
-    let keys: Vec<String> = runs.iter().map(key).collect();
+    let keys = keys(&runs);
     let mut done: BTreeMap<String, Line> = BTreeMap::new();
     if let Some(path) = results {
         for line in read_results(path)? {
@@ -384,8 +407,8 @@ mod tests {
         assert_eq!(runs.len(), 4);
         assert_eq!(runs, plan().runs().unwrap());
         assert_ne!(runs[0].start, runs[1].start);
-        let keys: std::collections::BTreeSet<String> = runs.iter().map(key).collect();
-        assert_eq!(keys.len(), 4);
+        let different: std::collections::BTreeSet<String> = keys(&runs).into_iter().collect();
+        assert_eq!(different.len(), 4);
         let sampled = Plan {
             sample: Some(10),
             ..plan()

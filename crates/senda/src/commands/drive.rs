@@ -53,6 +53,12 @@ pub(crate) struct ScenarioFlags {
     /// Image size, such as 160x120
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub(crate) image: Option<[u32; 2]>,
+    /// Further delay from the camera to the driver, in s
+    #[arg(long, value_name = "S")]
+    pub(crate) latency: Option<f64>,
+    /// Part of the frames that get lost on the way, 0 to 1
+    #[arg(long, value_name = "PART")]
+    pub(crate) lost_frames: Option<f64>,
     /// Start this much further along the path, in m
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub(crate) start_station: Option<f64>,
@@ -108,6 +114,8 @@ impl ScenarioFlags {
         scenario.speed_mps = self.speed.or(scenario.speed_mps);
         scenario.reverse |= self.reverse;
         scenario.image_px = self.image.or(scenario.image_px);
+        scenario.latency_s = self.latency.unwrap_or(scenario.latency_s);
+        scenario.lost_frames = self.lost_frames.unwrap_or(scenario.lost_frames);
         scenario.start.offset_m = self.start_offset.unwrap_or(scenario.start.offset_m);
         scenario.start.station_m = self.start_station.unwrap_or(scenario.start.station_m);
         let heading = self.start_heading.or(self.start_heading_deg.map(f64::to_radians));

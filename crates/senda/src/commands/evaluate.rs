@@ -28,6 +28,12 @@ pub(crate) struct Arguments {
     /// Speeds in m/s
     #[arg(long, value_delimiter = ',', value_name = "LIST", default_value = "0.16")]
     speeds: Vec<f64>,
+    /// Further delays from the camera to the network in s
+    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    latencies: Vec<f64>,
+    /// Part of the frames that get lost on the way, 0 to 1
+    #[arg(long, value_name = "PART", default_value_t = 0.0)]
+    lost_frames: f64,
     /// Runs, drawn at random from worlds and both directions
     #[arg(long, value_name = "N", default_value_t = 100)]
     runs: usize,
@@ -67,11 +73,13 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let mut base = Scenario::new(world, &arguments.vehicle, "neural");
     base.seed = arguments.seed;
     base.image_px = arguments.image;
+    base.lost_frames = arguments.lost_frames;
     base.driver_options
         .insert("model".to_owned(), arguments.model.display().to_string().into());
     let plan = Plan {
         worlds: arguments.worlds,
         speeds_mps: arguments.speeds,
+        latencies_s: arguments.latencies,
         lights: arguments.lights,
         floors: arguments.floors,
         both_directions: true,

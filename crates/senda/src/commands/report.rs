@@ -130,6 +130,8 @@ pub(crate) fn as_command(scenario: &Scenario) -> String {
     );
     let start = scenario.start;
     let nonzero = |value: f64| (value != 0.0).then(|| value.to_string());
+    flag("latency", nonzero(scenario.latency_s));
+    flag("lost-frames", nonzero(scenario.lost_frames));
     flag("start-station", nonzero(start.station_m));
     flag("start-offset", nonzero(start.offset_m));
     flag("start-heading", nonzero(start.heading_rad));

@@ -37,6 +37,9 @@ pub(crate) struct Arguments {
     /// Speeds in m/s
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     speeds: Vec<f64>,
+    /// Further delays from the camera to the driver, in s
+    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    latencies: Vec<f64>,
     /// Image sizes, such as 160x120,123x92
     #[arg(long, value_delimiter = ',', value_name = "LIST", value_parser = parse_size)]
     images: Vec<[u32; 2]>,
@@ -93,6 +96,9 @@ impl Arguments {
         if !self.speeds.is_empty() {
             plan.speeds_mps.clone_from(&self.speeds);
         }
+        if !self.latencies.is_empty() {
+            plan.latencies_s.clone_from(&self.latencies);
+        }
         if !self.images.is_empty() {
             plan.images_px.clone_from(&self.images);
         }
@@ -108,6 +114,9 @@ impl Arguments {
         one(&mut plan.floors, &self.flags.floor, !self.floors.is_empty());
         if self.flags.speed.is_some() && self.speeds.is_empty() {
             plan.speeds_mps.clear();
+        }
+        if self.flags.latency.is_some() && self.latencies.is_empty() {
+            plan.latencies_s.clear();
         }
         if self.flags.image.is_some() && self.images.is_empty() {
             plan.images_px.clear();
@@ -251,6 +260,7 @@ fn sweep_run(line: &Line) -> SweepRun {
         world,
         summary: line.summary.clone(),
         error: line.error.clone().unwrap_or_default(),
+        latency_s: line.scenario.latency_s,
         command: as_command(&line.scenario),
     }
 }

@@ -17,6 +17,8 @@ pub struct SweepRun {
     pub error: String,
     /// The command line that repeats it.
     pub command: String,
+    /// Further delay from the camera to the driver (s).
+    pub latency_s: f64,
 }
 
 impl SweepRun {
@@ -36,7 +38,7 @@ impl SweepRun {
 /// Rates and means of the runs that share a property.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SweepRow {
-    /// The property: `all`, `world`, `driver`, `vehicle`, `floor`, `light`, `speed`, `direction`.
+    /// The property: `all`, `world`, `driver`, `vehicle`, `floor`, `light`, `speed`, `latency`, `direction`.
     pub by: String,
     /// Its value.
     pub value: String,
@@ -68,7 +70,7 @@ const RESAMPLES: usize = 1000;
 type Property = fn(&SweepRun, &Summary) -> String;
 
 /// How runs are told apart.
-const PROPERTIES: [(&str, Property); 7] = [
+const PROPERTIES: [(&str, Property); 8] = [
     ("driver", |_, s| s.driver.clone()),
     ("vehicle", |_, s| s.vehicle.clone()),
     ("world", |run, _| run.world.clone()),
@@ -76,6 +78,9 @@ const PROPERTIES: [(&str, Property); 7] = [
     ("light", |_, s| s.light.clone()),
     ("speed", |_, s| {
         s.speed_mps.map_or_else(|| "the driver's own".into(), text::speed)
+    }),
+    ("latency", |run, _| {
+        format!("{} ms", (run.latency_s * 1e3).round())
     }),
     ("direction", |_, s| {
         if s.reversed {
@@ -102,9 +107,14 @@ pub fn sweep_table(runs: &[SweepRun]) -> SweepTable {
                 None => values.push((value, vec![(run, summary)])),
             }
         }
-        if by == "speed" {
-            let speed = |members: &[(&SweepRun, &Summary)]| members[0].1.speed_mps.unwrap_or(0.0);
-            values.sort_by(|a, b| speed(&a.1).total_cmp(&speed(&b.1)));
+        let number: Option<fn(&SweepRun, &Summary) -> f64> = match by {
+            "speed" => Some(|_, summary| summary.speed_mps.unwrap_or(0.0)),
+            "latency" => Some(|run, _| run.latency_s),
+            _ => None,
+        };
+        if let Some(number) = number {
+            let first = |members: &[(&SweepRun, &Summary)]| number(members[0].0, members[0].1);
+            values.sort_by(|a, b| first(&a.1).total_cmp(&first(&b.1)));
         }
         if values.len() > 1 {
             rows.extend(values.iter().map(|(value, members)| row(by, value, members)));

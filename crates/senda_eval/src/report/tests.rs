@@ -228,12 +228,14 @@ fn hostile_names_stay_text_everywhere() {
             summary: Some(summary.clone()),
             error: String::new(),
             command: HOSTILE.into(),
+            latency_s: 0.0,
         },
         SweepRun {
             world: HOSTILE.into(),
             summary: None,
             error: HOSTILE.into(),
             command: HOSTILE.into(),
+            latency_s: 0.0,
         },
     ];
     let study = [StudyTrace {
@@ -352,9 +354,17 @@ fn a_sweep_counts_by_property_and_tells_how_to_repeat_failures() {
             }),
             error: String::new(),
             command: format!("senda drive --seed {i}"),
+            latency_s: if i % 10 == 0 { 0.1 } else { 0.0 },
         })
         .collect();
     let table = sweep_table(&runs);
+    let by_latency: Vec<&str> = table
+        .rows
+        .iter()
+        .filter(|row| row.by == "latency")
+        .map(|row| row.value.as_str())
+        .collect();
+    assert_eq!(by_latency, ["0 ms", "100 ms"]);
     let row = |by: &str, value: &str| {
         table
             .rows
