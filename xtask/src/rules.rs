@@ -4,6 +4,7 @@
 /// Crates that do not exist yet keep their place here, so that the first commit of one is already checked.
 pub(crate) const RANKS: &[(&str, u8)] = &[
     ("senda_geom", 0),
+    ("senda_toml", 0),
     ("senda_core", 1),
     ("senda_world", 2),
     ("senda_vision", 2),
@@ -61,7 +62,7 @@ pub(crate) const RESERVED: &[Reserved] = &[
     reserved("ctrlc", BINARY, "only the command line handles signals"),
     reserved(
         "miette",
-        &["senda", "senda_world", "senda_nets"],
+        &["senda", "senda_toml", "senda_world", "senda_nets"],
         "pretty errors are for files that people write",
     ),
     reserved(

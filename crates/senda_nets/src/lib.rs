@@ -48,7 +48,6 @@ mod model;
 mod network;
 mod onnx;
 mod parse;
-mod reader;
 mod safetensors;
 mod text;
 mod trainer;

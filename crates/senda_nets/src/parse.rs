@@ -2,7 +2,7 @@
 
 use crate::error::{NetworkError, nearest_names};
 use crate::network::{Activation, Kind, Layer, Network, Padding, Parts, Shape, Tensor};
-use crate::reader::{Source, Table, WordOrNumbers};
+use senda_toml::WordOrNumbers;
 use std::sync::Arc;
 
 const KINDS: &[&str] = &[
@@ -30,11 +30,11 @@ const LARGEST_SIZE: usize = 4_096;
 const MOST_VALUES: usize = 1 << 26;
 const LARGEST_KERNEL: usize = 64;
 
+type Source<'a> = senda_toml::Source<'a, NetworkError>;
+type Table<'a> = senda_toml::Table<'a, NetworkError>;
+
 pub(crate) fn parse(source_name: &str, toml: &str) -> Result<Network, NetworkError> {
-    let source = Source {
-        name: source_name,
-        text: toml,
-    };
+    let source = Source::new(source_name, toml);
     let mut file = source.table()?;
     let stem = std::path::Path::new(source_name)
         .file_stem()
@@ -289,6 +289,16 @@ impl Builder {
     }
 }
 
+fn optional_f32(
+    table: &mut Table,
+    key: &'static str,
+    lowest: f64,
+    highest: f64,
+) -> Result<Option<f32>, NetworkError> {
+    let number = table.optional_f64(key, lowest, highest)?;
+    Ok(number.map(|number| number as f32))
+}
+
 fn read_padding(table: &mut Table) -> Result<Padding, NetworkError> {
     let expected = "\"valid\", \"same\", a whole number, or [top, left, bottom, right]";
     match table.optional_word_or_numbers("padding", &["valid", "same"], LARGEST_KERNEL, expected)? {
@@ -348,10 +358,10 @@ fn read_kind(table: &mut Table, word: &str) -> Result<Kind, NetworkError> {
         "activation" => Kind::Activation,
         "batch_norm" => Kind::BatchNorm {
             // Keras's defaults.
-            epsilon: table.optional_f32("epsilon", 1e-9, 1.0)?.unwrap_or(1e-3),
-            momentum: table.optional_f32("momentum", 0.0, 1.0)?.unwrap_or(0.99),
+            epsilon: optional_f32(table, "epsilon", 1e-9, 1.0)?.unwrap_or(1e-3),
+            momentum: optional_f32(table, "momentum", 0.0, 1.0)?.unwrap_or(0.99),
         },
-        "dropout" => match table.optional_f32("rate", 0.0, 0.99)? {
+        "dropout" => match optional_f32(table, "rate", 0.0, 0.99)? {
             Some(rate) => Kind::Dropout { rate },
             None => return Err(table.missing("rate", "a number from 0 to 0.99")),
         },
@@ -392,7 +402,7 @@ fn read_activation(table: &mut Table, kind: &Kind) -> Result<Activation, Network
     Ok(match word {
         None | Some("linear") => Activation::Linear,
         Some("relu") => Activation::Relu,
-        Some("leaky_relu") => Activation::LeakyRelu(table.optional_f32("slope", 0.0, 1.0)?.unwrap_or(0.1)),
+        Some("leaky_relu") => Activation::LeakyRelu(optional_f32(table, "slope", 0.0, 1.0)?.unwrap_or(0.1)),
         Some("relu6") => Activation::Relu6,
         Some("elu") => Activation::Elu,
         Some("sigmoid") => Activation::Sigmoid,

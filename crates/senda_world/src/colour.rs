@@ -84,8 +84,19 @@ impl<'de> Deserialize<'de> for Colour {
     }
 }
 
-impl Table<'_> {
-    pub(crate) fn optional_colour(&mut self, key: &'static str) -> Result<Option<Colour>, WorldError> {
+/// Colours in tables.
+pub(crate) trait ReadColour {
+    /// A colour by name or `#rrggbb`.
+    fn optional_colour(&mut self, key: &'static str) -> Result<Option<Colour>, WorldError>;
+
+    /// The same with a default.
+    fn colour(&mut self, key: &'static str, default: Colour) -> Result<Colour, WorldError> {
+        Ok(self.optional_colour(key)?.unwrap_or(default))
+    }
+}
+
+impl ReadColour for Table<'_> {
+    fn optional_colour(&mut self, key: &'static str) -> Result<Option<Colour>, WorldError> {
         let Some(text) = self.optional_string(key)? else {
             return Ok(None);
         };
@@ -103,10 +114,6 @@ impl Table<'_> {
             format!("{text:?}"),
             help,
         ))
-    }
-
-    pub(crate) fn colour(&mut self, key: &'static str, default: Colour) -> Result<Colour, WorldError> {
-        Ok(self.optional_colour(key)?.unwrap_or(default))
     }
 }
 

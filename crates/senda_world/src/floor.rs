@@ -1,6 +1,6 @@
 //! The floor's material.
 
-use crate::colour::Colour;
+use crate::colour::{Colour, ReadColour};
 use crate::error::WorldError;
 use crate::reader::Table;
 use crate::writer::Document;

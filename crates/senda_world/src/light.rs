@@ -1,6 +1,6 @@
 //! Light on the floor.
 
-use crate::colour::Colour;
+use crate::colour::{Colour, ReadColour};
 use crate::error::WorldError;
 use crate::path::FAR_M;
 use crate::reader::Table;

@@ -1,6 +1,6 @@
 //! Lines painted along the path.
 
-use crate::colour::Colour;
+use crate::colour::{Colour, ReadColour};
 use crate::error::WorldError;
 use crate::path::FAR_M;
 use crate::reader::Table;

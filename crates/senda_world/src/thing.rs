@@ -1,6 +1,6 @@
 //! Upright things on the floor: boxes and boards with pictures on them.
 
-use crate::colour::Colour;
+use crate::colour::{Colour, ReadColour};
 use crate::error::WorldError;
 use crate::path::FAR_M;
 use crate::reader::Table;

@@ -57,10 +57,7 @@ pub struct VehicleSpec {
 impl VehicleSpec {
     /// Reads a vehicle from TOML text. `source_name` (a file name) appears in messages.
     pub fn parse(source_name: &str, toml: &str) -> Result<(Self, Vec<Warning>), WorldError> {
-        let source = Source {
-            name: source_name,
-            text: toml,
-        };
+        let source = Source::new(source_name, toml);
         let mut table = source.table()?;
         if toml.trim().is_empty() {
             return Err(table.problem(
@@ -95,7 +92,7 @@ impl VehicleSpec {
     fn read(table: &mut Table) -> Result<Self, WorldError> {
         let name = table
             .optional_string("name")?
-            .unwrap_or_else(|| stem(table.source.name).to_owned());
+            .unwrap_or_else(|| stem(table.source().name()).to_owned());
         let description = table.optional_string("description")?.unwrap_or_default();
         let steering = match table.optional_table("steering")? {
             Some(steering) => read_steering(steering)?,
@@ -154,13 +151,13 @@ impl VehicleSpec {
         }
         let mut cameras: Vec<CameraSpec> = Vec::new();
         for item in items {
-            let (item_key, at) = (item.path.clone(), item.span.clone());
+            let (item_key, at) = (item.key_path(""), item.span());
             let camera = CameraSpec::read(item)?;
             if cameras
                 .iter()
                 .any(|known| known.camera.name == camera.camera.name)
             {
-                return Err(table.source.problem(
+                return Err(table.source().problem(
                     at,
                     item_key,
                     "cameras with different names",

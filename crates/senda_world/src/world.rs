@@ -1,6 +1,6 @@
 //! A world: a path with markings on a floor, its light and the things that stand on it.
 
-use crate::colour::Colour;
+use crate::colour::{Colour, ReadColour};
 use crate::error::{Warning, WorldError};
 use crate::floor::Floor;
 use crate::light::Light;
@@ -71,10 +71,7 @@ impl Default for Backdrop {
 impl World {
     /// Reads a world from TOML text. `source_name` (a file name) appears in messages.
     pub fn parse(source_name: &str, toml: &str) -> Result<(Self, Vec<Warning>), WorldError> {
-        let source = Source {
-            name: source_name,
-            text: toml,
-        };
+        let source = Source::new(source_name, toml);
         let mut table = source.table()?;
         if toml.trim().is_empty() {
             return Err(table.problem(
@@ -99,7 +96,7 @@ impl World {
     fn read(table: &mut Table) -> Result<(Self, Vec<Warning>), WorldError> {
         let name = table
             .optional_string("name")?
-            .unwrap_or_else(|| stem(table.source.name).to_owned());
+            .unwrap_or_else(|| stem(table.source().name()).to_owned());
         let description = table.optional_string("description")?.unwrap_or_default();
         let lane_width_m = table.optional_f64("lane_width_m", 0.01, 100.0)?;
         let corridor_half_width_m = table.f64(
