@@ -27,6 +27,7 @@
 //! This crate does not know who calls it, no files (except text handed to [`calibration`]), no clock, and nothing
 //! about time: each frame stands alone. Which blob is *the* line is the drivers' decision.
 
+pub mod alignment;
 pub mod binary;
 pub mod blob;
 pub mod blur;
