@@ -22,6 +22,7 @@
 //! `senda_run`).
 
 pub mod augment;
+mod balance;
 mod checkpoint;
 pub mod correct;
 mod error;

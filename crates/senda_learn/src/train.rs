@@ -1,6 +1,7 @@
 //! Training: epochs over samples, the best weights kept, resumable after a kill at any moment to the same result.
 
 use crate::augment::{Answers, Augmentation, augment};
+use crate::balance::Balance;
 use crate::checkpoint;
 use crate::{LearnError, Samples};
 use rand::{SeedableRng, seq::SliceRandom};
@@ -28,6 +29,9 @@ pub struct Training {
     pub patience: u32,
     /// Frames with a large answer count up to 1 + this times as much as frames that go straight.
     pub curve_weight: f64,
+    /// How far rare answers are raised against frequent ones, 0 to 1: each of 21 equal ranges of the answer that turns (else of
+    /// the first one) counts as 1 / (its frames)^this. 0: as often as they occur; 1: every range as much as any other.
+    pub balance: f64,
     /// Changes to training frames.
     pub augmentation: Augmentation,
     /// Seed of the order, the changes and of dropout.
@@ -46,6 +50,7 @@ impl Default for Training {
             schedule: Schedule::Constant,
             patience: 0,
             curve_weight: 0.0,
+            balance: 0.0,
             augmentation: Augmentation::default(),
             seed: 1,
             threads: 0,
@@ -99,6 +104,9 @@ impl Training {
         }
         if !(0.0..=1000.0).contains(&self.curve_weight) {
             return wrong("curve_weight", "0 to 1000", self.curve_weight.to_string());
+        }
+        if !(0.0..=1.0).contains(&self.balance) {
+            return wrong("balance", "0 to 1", self.balance.to_string());
         }
         match self.augmentation.fault() {
             Some((key, range, value)) => wrong(key, range, value.to_string()),
@@ -254,7 +262,8 @@ pub fn train(
             learning_rate = options.learning_rate * options.schedule.factor(done as f64 / of as f64);
             trainer.set_learning_rate(learning_rate as f32);
             assembler.assemble(batch, number);
-            let weights = (options.curve_weight > 0.0).then_some(&assembler.weights[..]);
+            let is_weighted = options.curve_weight > 0.0 || options.balance > 0.0;
+            let weights = is_weighted.then_some(&assembler.weights[..]);
             let loss = f64::from(trainer.step(&assembler.inputs, &assembler.targets, weights));
             if !loss.is_finite() {
                 return Err(LearnError::Diverged {
@@ -335,6 +344,7 @@ struct Assembler<'a> {
     options: &'a Training,
     samples: &'a Samples,
     shape: [usize; 3],
+    balance: Balance,
     frame: Vec<u8>,
     inputs: Vec<f32>,
     targets: Vec<f32>,
@@ -349,6 +359,7 @@ impl<'a> Assembler<'a> {
             options,
             samples,
             shape: [input.channels(), input.height, input.width],
+            balance: Balance::new(samples, answers, options.balance, options.augmentation.mirror),
             frame: vec![0; samples.frame_len],
             inputs: Vec::new(),
             targets: Vec::new(),
@@ -379,8 +390,9 @@ impl<'a> Assembler<'a> {
             let largest = self.targets[from..]
                 .iter()
                 .fold(0.0f32, |most, target| most.max(target.abs()));
+            let curve = 1.0 + self.options.curve_weight as f32 * largest.min(1.0);
             self.weights
-                .push(1.0 + self.options.curve_weight as f32 * largest.min(1.0));
+                .push(curve * self.balance.weight(&self.targets[from..]));
             self.input.normalise(
                 &self.frame,
                 &mut self.inputs[place * length..(place + 1) * length],
