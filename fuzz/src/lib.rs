@@ -8,7 +8,7 @@ mod seeds;
 pub use seeds::seeds;
 
 use senda_core::{Body, Encoded, Image, Observation, Steering};
-use senda_data::{Recording, named_frames, tub, udacity as udacity_format};
+use senda_data::{Edits, Recording, named_frames, tub, udacity as udacity_format};
 use senda_nets::{Imported, Inference, Model, Network};
 use senda_vision::calibration::Calibration;
 use senda_world::{VehicleSpec, World, paint};
@@ -23,6 +23,7 @@ pub const TARGETS: &[(&str, fn(&[u8]))] = &[
     ("tub", tub),
     ("udacity", udacity),
     ("archive", archive),
+    ("edits", edits),
     ("recording", recording),
     ("image", image),
     ("network", network),
@@ -165,6 +166,24 @@ pub fn archive(bytes: &[u8]) {
         .flatten()
     {
         look_through(recording);
+    }
+}
+
+/// Files of edits. What is accepted is written so that it is read as the same edits, and can be applied to any run.
+pub fn edits(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else {
+        return;
+    };
+    if let Ok(edits) = Edits::parse(Path::new("run.mcap.edits.toml"), text) {
+        let written = edits.to_toml();
+        match Edits::parse(Path::new("written.toml"), &written) {
+            Ok(again) => assert_eq!(again, edits, "{written}"),
+            Err(error) => panic!("what was written is refused: {error}\n{written}"),
+        }
+        let mut recording = Recording::from_bytes(&seeds::recording()).expect("our own bytes");
+        let before = recording.steps.len();
+        edits.apply(0, &mut recording);
+        assert!(recording.steps.len() <= before);
     }
 }
 

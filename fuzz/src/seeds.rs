@@ -21,6 +21,7 @@ pub fn seeds(target: &str) -> Vec<(String, Vec<u8>)> {
         ],
         "tub" => vec![("good".into(), tub())],
         "udacity" => vec![("good".into(), UDACITY.as_bytes().to_vec())],
+        "edits" => vec![("good".into(), EDITS.as_bytes().to_vec())],
         "archive" => vec![("tub".into(), archive())],
         "recording" => vec![("good".into(), recording())],
         "image" => images(),
@@ -94,7 +95,7 @@ fn images() -> Vec<(String, Vec<u8>)> {
     seeds
 }
 
-fn recording() -> Vec<u8> {
+pub(crate) fn recording() -> Vec<u8> {
     let header = RecordingHeader {
         senda: "0.1.0".into(),
         commit: String::new(),
@@ -170,6 +171,24 @@ center,left,right,steering,throttle,brake,speed
 IMG/center_0.jpg, IMG/left_0.jpg, IMG/right_0.jpg, 1.2E-02, 1, 0, 30.1
 v231130-f17-a85.png
 video01_003_92.png
+";
+
+/// One of everything.
+const EDITS: &str = "version = 1
+steps = [3, 20]
+
+[[drop]]
+from = 0
+to = 2
+
+[[drop]]
+run = 1
+from = 10
+to = 12
+
+[[angle]]
+step = 2
+steering_deg = -12.5
 ";
 
 /// A tub in a tar.

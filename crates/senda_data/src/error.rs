@@ -49,6 +49,14 @@ pub enum DataError {
         /// What was found.
         found: String,
     },
+    /// A file of edits is wrong.
+    #[error("{}: {reason}", path.display())]
+    Edits {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong, and where.
+        reason: String,
+    },
     /// Written by a newer senda.
     #[error(
         "{}: senda_format: expected at most {supported}, but found {found}; it was recorded by senda {by}: use that version or a newer one",

@@ -85,7 +85,7 @@ fn save(mut recording: Recording, path: PathBuf, format: Format) -> Result<Impor
 }
 
 /// `warehouse` of `…/warehouse.tar.gz`.
-fn set_name(from: &Path) -> String {
+pub(crate) fn set_name(from: &Path) -> String {
     let name = from
         .file_name()
         .map_or_else(|| "data".into(), |name| name.to_string_lossy().into_owned());

@@ -102,13 +102,7 @@ fn about(path: &Path, format: Format, recordings: &[Recording]) -> Info {
         senda: first.map(|header| header.senda.clone()).unwrap_or_default(),
         truths: 0,
         cameras: Vec::new(),
-        steering: SteeringHistogram {
-            limit_rad: body.map_or(1.0, limit),
-            counts: vec![0; BINS],
-            mean_rad: 0.0,
-            min_rad: 0.0,
-            max_rad: 0.0,
-        },
+        steering: SteeringHistogram::new(body.map_or(1.0, limit_rad)),
         summary: match recordings {
             [only] => only.summary.clone(),
             _ => None,
@@ -123,7 +117,7 @@ fn about(path: &Path, format: Format, recordings: &[Recording]) -> Info {
             info.truths += usize::from(step.truth.is_some());
             let body = &recording.header.body;
             let angle_rad = body.steering_of(step.command.turn, body.speed_of(&step.command));
-            info.steering.add(angle_rad, info.steps);
+            info.steering.add(angle_rad);
             info.steps += 1;
             for frame in &step.frames {
                 info.frames += 1;
@@ -142,9 +136,6 @@ fn about(path: &Path, format: Format, recordings: &[Recording]) -> Info {
                 );
             }
         }
-    }
-    if info.steps > 0 {
-        info.steering.mean_rad /= info.steps as f64;
     }
     info
 }
@@ -178,24 +169,39 @@ impl Info {
 }
 
 impl SteeringHistogram {
-    /// `mean_rad` is the sum until the end.
-    fn add(&mut self, angle_rad: f64, before: usize) {
+    /// Nothing counted yet.
+    pub(crate) fn new(limit_rad: f64) -> Self {
+        Self {
+            limit_rad,
+            counts: vec![0; BINS],
+            mean_rad: 0.0,
+            min_rad: 0.0,
+            max_rad: 0.0,
+        }
+    }
+
+    /// Counts an angle; what is no number is not counted.
+    pub(crate) fn add(&mut self, angle_rad: f64) {
+        if !angle_rad.is_finite() {
+            return;
+        }
+        let before: usize = self.counts.iter().sum();
         if before == 0 {
             (self.min_rad, self.max_rad) = (angle_rad, angle_rad);
         }
         self.min_rad = self.min_rad.min(angle_rad);
         self.max_rad = self.max_rad.max(angle_rad);
-        self.mean_rad += angle_rad;
+        self.mean_rad += (angle_rad - self.mean_rad) / (before + 1) as f64;
         let part = (angle_rad / self.limit_rad + 1.0) / 2.0;
         let last = self.counts.len() - 1;
-        // A cast limits what is beyond, and takes not-a-number as 0.
+        // A cast limits what is beyond.
         let bin = (part * self.counts.len() as f64) as usize;
         self.counts[bin.min(last)] += 1;
     }
 }
 
 /// The angle at which the histogram ends.
-fn limit(body: &Body) -> f64 {
+pub(crate) fn limit_rad(body: &Body) -> f64 {
     match body.steering {
         Steering::Ackermann {
             steering_limit_rad, ..

@@ -28,17 +28,22 @@
 //! [`RecordingWriter`] streams a run into one MCAP file that Foxglove and Rerun open; [`Recording`] reads it back, also when
 //! it was cut short; [`Replay`] is a recording as a vehicle. [`tub`], [`udacity`] and [`named_frames`] read and write other
 //! people's formats; [`open()`] takes any of them by path, [`info()`] says what is in it, [`import()`] turns it into recordings.
+//! What should not be learned from is left out by [`edits`], a file beside the data; [`stats()`] looks for such frames and
+//! [`export()`] writes what is left for other programs.
 //!
-//! This crate does not know how a recording came about (simulator, robot, person), judges nothing, edits nothing
-//! (recordings are immutable) and prints nothing. A recording is read into memory whole.
+//! This crate does not know how a recording came about (simulator, robot, person) and prints nothing. Recordings and other
+//! people's data are never changed: edits lie beside them. A recording is read into memory whole.
 
+pub mod edits;
 pub mod error;
+pub mod export;
 pub mod import;
 pub mod info;
 pub mod named_frames;
 pub mod open;
 pub mod recording;
 pub mod replay;
+pub mod stats;
 pub mod tub;
 pub mod udacity;
 pub mod writer;
@@ -51,10 +56,13 @@ mod reader;
 mod store;
 mod warnings;
 
+pub use edits::{Edits, open_edited_runs};
 pub use error::DataError;
+pub use export::{Exported, export};
 pub use import::{Imported, import};
 pub use info::{Info, info};
 pub use open::{Format, open, open_runs};
 pub use recording::{EncodedFrame, FORMAT, Recording, RecordingHeader, Step};
 pub use replay::{Difference, Replay};
+pub use stats::{Stats, stats};
 pub use writer::{RecordingOptions, RecordingWriter};

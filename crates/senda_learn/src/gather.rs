@@ -51,8 +51,9 @@ pub struct Data {
     pub camera: Option<Camera>,
 }
 
-/// Reads recordings (MCAP files, tubs, Udacity folders, named frames, folders of those) and prepares their frames. A frame that
-/// cannot be read is left out with a warning; it never costs the data set.
+/// Reads recordings (MCAP files, tubs, Udacity folders, named frames, folders of those), with the edits beside them
+/// ([`senda_data::edits`]) applied before the selection, and prepares their frames. A frame that cannot be read is left out with a
+/// warning; it never costs the data set.
 pub fn recordings(
     paths: &[PathBuf],
     body: &Body,
@@ -67,7 +68,7 @@ pub fn recordings(
     for (number, path) in paths.iter().enumerate() {
         progress(number, paths.len());
         let knows_camera = senda_data::Format::detect(path)? == senda_data::Format::Recording;
-        for (index, recording) in senda_data::open_runs(path, body)?.into_iter().enumerate() {
+        for (index, recording) in senda_data::open_edited_runs(path, body)?.into_iter().enumerate() {
             let name = run_name(path, index);
             if let (true, Some(own)) = (knows_camera, recording.header.body.cameras.first()) {
                 if camera.as_ref().is_some_and(|first| first != own) {

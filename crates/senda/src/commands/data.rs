@@ -1,4 +1,9 @@
-//! `senda data …`: look into data and convert them.
+//! `senda data …`: look into data, clean, split and convert them.
+
+mod clean;
+mod export;
+mod split;
+mod stats;
 
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
@@ -24,6 +29,14 @@ enum What {
         #[arg(long)]
         json: bool,
     },
+    /// Histogram, speeds, suspicious frames, and whether the camera has moved; edits applied
+    Stats(stats::Arguments),
+    /// Leave out frames and correct labels, in a file beside the data
+    Clean(clean::Arguments),
+    /// Show which runs a network would learn from and which would judge it
+    Split(split::Arguments),
+    /// Write recordings for other programs (Donkeycar, Udacity, named pictures); edits applied
+    Export(export::Arguments),
     /// Turn foreign data into recordings
     Import {
         /// Donkeycar tub, Udacity folder or named pictures; folder or .tar.gz
@@ -34,6 +47,9 @@ enum What {
         /// Vehicle that the data come from
         #[arg(long, default_value = "donkeycar")]
         vehicle: String,
+        /// Print as JSON
+        #[arg(long)]
+        json: bool,
     },
 }
 
@@ -49,10 +65,23 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             }
             Ok(())
         }
-        What::Import { data, out, vehicle } => {
+        What::Stats(arguments) => stats::run(arguments),
+        What::Clean(arguments) => clean::run(arguments),
+        What::Split(arguments) => split::run(arguments),
+        What::Export(arguments) => export::run(arguments),
+        What::Import {
+            data,
+            out,
+            vehicle,
+            json,
+        } => {
             let body = find_vehicle(&vehicle)?.body();
             let all = senda_data::import(&data, &body, &out)
                 .with_context(|| format!("cannot import {}", data.display()))?;
+            if json {
+                println!("{}", serde_json::to_string_pretty(&all)?);
+                return Ok(());
+            }
             for written in all {
                 println!(
                     "{}: {} steps, {:.1} s",

@@ -14,24 +14,33 @@ use senda_learn::{
 };
 use senda_nets::{Colour, Crop, InputSpec, Model, Provenance, Weights};
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// An experiment as a file; every key has a flag.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-struct Experiment {
+pub(crate) struct Experiment {
     network: String,
-    data: Vec<PathBuf>,
+    pub(crate) data: Vec<PathBuf>,
     validation: Vec<PathBuf>,
-    split: Split,
-    validation_share: f64,
-    split_gap: usize,
-    vehicle: String,
+    pub(crate) split: Split,
+    pub(crate) validation_share: f64,
+    pub(crate) split_gap: usize,
+    pub(crate) vehicle: String,
     colour: Option<Colour>,
     crop: Crop,
-    answers: Vec<Answer>,
-    selection: Selection,
-    training: Training,
+    pub(crate) answers: Vec<Answer>,
+    pub(crate) selection: Selection,
+    pub(crate) training: Training,
+}
+
+impl Experiment {
+    /// Reads an experiment file.
+    pub(crate) fn load(path: &Path) -> Result<Self> {
+        let text =
+            std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+        toml::from_str(&text).with_context(|| path.display().to_string())
+    }
 }
 
 impl Default for Experiment {
@@ -99,6 +108,9 @@ pub(crate) struct Arguments {
     /// Adam's step size
     #[arg(long, value_name = "RATE")]
     learning_rate: Option<f64>,
+    /// How far rare curves are raised against frequent straights: 0 not at all, 1 until every range counts the same
+    #[arg(long, value_name = "PART")]
+    balance: Option<f64>,
     /// Stop when validation has not improved for this many epochs
     #[arg(long, value_name = "N")]
     patience: Option<u32>,
@@ -122,7 +134,7 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-fn word<T: serde::de::DeserializeOwned>(flag: &str, text: &str) -> Result<T> {
+pub(crate) fn word<T: serde::de::DeserializeOwned>(flag: &str, text: &str) -> Result<T> {
     serde_json::from_value(serde_json::Value::String(text.to_owned()))
         .map_err(|error| anyhow::anyhow!("--{flag} {text}: {error}"))
 }
@@ -130,11 +142,7 @@ fn word<T: serde::de::DeserializeOwned>(flag: &str, text: &str) -> Result<T> {
 impl Arguments {
     fn experiment(&self) -> Result<Experiment> {
         let mut experiment = match &self.plan {
-            Some(path) => {
-                let text = std::fs::read_to_string(path)
-                    .with_context(|| format!("cannot read {}", path.display()))?;
-                toml::from_str(&text).with_context(|| path.display().to_string())?
-            }
+            Some(path) => Experiment::load(path)?,
             None => Experiment::default(),
         };
         if !self.data.is_empty() {
@@ -163,6 +171,7 @@ impl Arguments {
         training.epochs = self.epochs.unwrap_or(training.epochs);
         training.batch = self.batch.unwrap_or(training.batch);
         training.learning_rate = self.learning_rate.unwrap_or(training.learning_rate);
+        training.balance = self.balance.unwrap_or(training.balance);
         training.patience = self.patience.unwrap_or(training.patience);
         training.seed = self.seed.unwrap_or(training.seed);
         training.threads = self.jobs.unwrap_or(training.threads);

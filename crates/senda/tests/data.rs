@@ -1,0 +1,257 @@
+//! Data hygiene, as a user types it.
+
+use assert_cmd::Command;
+use predicates::prelude::*;
+use predicates::str::contains;
+use std::path::{Path, PathBuf};
+
+fn senda(arguments: &[&str]) -> assert_cmd::assert::Assert {
+    Command::cargo_bin("senda").unwrap().args(arguments).assert()
+}
+
+fn json(arguments: &[&str]) -> serde_json::Value {
+    let output = senda(arguments).success();
+    serde_json::from_slice(&output.get_output().stdout).unwrap()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Records a short drive of the expert; the file's path is returned.
+fn record(folder: &Path, world: &str) -> PathBuf {
+    senda(&[
+        "drive",
+        "--world",
+        world,
+        "--vehicle",
+        "picar",
+        "--driver",
+        "expert",
+        "--image",
+        "80x60",
+        "--time-limit",
+        "1.5",
+        "--record",
+        text(folder),
+    ])
+    .success();
+    folder.join(format!("{world}-picar-expert-1.mcap"))
+}
+
+#[test]
+fn frames_are_dropped_labels_corrected_listed_and_taken_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = record(folder.path(), "oval-lane");
+    let run = text(&run);
+    let all = json(&["data", "stats", run, "--json"]);
+    let recorded = all["kept"].as_u64().unwrap();
+    assert!(recorded > 20);
+    senda(&[
+        "data",
+        "clean",
+        run,
+        "--drop-first",
+        "3",
+        "--drop-last",
+        "2",
+        "--drop",
+        "10..12",
+        "--correct",
+        "15=-12.5",
+    ])
+    .success()
+    .stdout(contains("steps 10..12 are left out").and(contains("step 15: steering -12.50°")));
+    let stats = json(&["data", "stats", run, "--json"]);
+    assert_eq!(stats["kept"].as_u64().unwrap(), recorded - 7);
+    assert_eq!(stats["corrected"], 1);
+    let list = json(&["data", "clean", run, "--list", "--json"]);
+    assert_eq!(list[0]["drop"][2]["to"], 12);
+    assert_eq!(list[0]["angle"][0]["steering_deg"], -12.5);
+    senda(&["data", "clean", run, "--undo", "3"]).success();
+    assert_eq!(json(&["data", "stats", run, "--json"])["kept"], recorded - 5);
+    senda(&["data", "clean", run, "--undo", "9"])
+        .failure()
+        .stderr(contains("one of the 3 edits"));
+    senda(&["data", "clean", run, "--reset"])
+        .success()
+        .stdout(contains("no edits"));
+    assert_eq!(json(&["data", "stats", run, "--json"]), all);
+    senda(&["data", "clean", run, "--drop", "5..5"])
+        .failure()
+        .stderr(contains("A below B"));
+    senda(&["data", "clean", run, "--correct", "100000=3"])
+        .failure()
+        .stderr(contains("expected steps below"));
+    senda(&["data", "clean", run, "--correct", "1=nan"]).failure();
+}
+
+#[test]
+fn what_was_dropped_is_not_learned_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = record(folder.path(), "oval-lane");
+    let frames = || {
+        let split = ["data", "split", text(&run), "--split", "time", "--json"];
+        let split = json(&split);
+        split["training_frames"].as_u64().unwrap() + split["validation_frames"].as_u64().unwrap()
+    };
+    let all = frames();
+    senda(&["data", "clean", text(&run), "--drop-first", "6"]).success();
+    assert_eq!(frames(), all - 6);
+}
+
+#[test]
+fn a_split_by_world_is_shown_and_written_and_a_leak_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let runs = folder.path().join("runs");
+    for world in ["oval-lane", "circuit-1"] {
+        record(&runs, world);
+    }
+    let plan = folder.path().join("plan.toml");
+    let split = json(&["data", "split", text(&runs), "--out", text(&plan), "--json"]);
+    assert_ne!(split["training"][0]["world"], split["validation"][0]["world"]);
+    assert_eq!(split["leaks"], false);
+    let again = json(&["data", "split", "--plan", text(&plan), "--json"]);
+    assert_eq!(again, split);
+    senda(&["data", "split", text(&runs), "--split", "random-frames"])
+        .failure()
+        .stderr(contains("leaks"));
+    senda(&[
+        "data",
+        "split",
+        text(&runs),
+        "--split",
+        "random-frames",
+        "--allow-leak",
+    ])
+    .success()
+    .stdout(contains("LEAKS"));
+}
+
+#[test]
+fn recordings_go_to_other_programs_and_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = record(folder.path(), "oval-lane");
+    senda(&["data", "clean", text(&run), "--drop-first", "5"]).success();
+    let kept = json(&["data", "stats", text(&run), "--json"])["kept"].clone();
+    for format in ["tub", "udacity", "named-frames"] {
+        let out = folder.path().join(format);
+        let arguments = [
+            "data",
+            "export",
+            text(&run),
+            "--format",
+            format,
+            "--out",
+            text(&out),
+            "--json",
+        ];
+        assert_eq!(json(&arguments)[0]["frames"], kept);
+        let info = json(&["data", "info", text(&out), "--vehicle", "picar", "--json"]);
+        assert_eq!(info["format"], format.replace('-', "_"));
+        assert_eq!(info["steps"], kept);
+        senda(&arguments)
+            .failure()
+            .stderr(contains("new or empty folder"));
+    }
+    senda(&[
+        "data",
+        "export",
+        text(&run),
+        "--format",
+        "recording",
+        "--out",
+        "x",
+    ])
+    .failure()
+    .stderr(contains("named-frames"));
+}
+
+#[test]
+fn a_camera_that_was_moved_is_noticed() {
+    let folder = tempfile::tempdir().unwrap();
+    // The same place on a floor with a pattern, as the camera sees it before and after the vehicle was turned by 2°.
+    let photo = |name: &str, heading_deg: &str, light: &str| -> PathBuf {
+        let runs = folder.path().join(name);
+        senda(&[
+            "drive",
+            "--world",
+            "oval-lane",
+            "--vehicle",
+            "picar",
+            "--driver",
+            "expert",
+            "--floor",
+            "speckled",
+            "--light",
+            light,
+            "--time-limit",
+            "0.3",
+            "--start-heading-deg",
+            heading_deg,
+            "--record",
+            text(&runs),
+        ])
+        .success();
+        let pictures = folder.path().join(format!("{name}-pictures"));
+        let run = runs.join("oval-lane-picar-expert-1.mcap");
+        senda(&[
+            "data",
+            "export",
+            text(&run),
+            "--format",
+            "named-frames",
+            "--out",
+            text(&pictures),
+        ])
+        .success();
+        let mut all: Vec<_> = std::fs::read_dir(&pictures)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .collect();
+        all.sort();
+        all.remove(0)
+    };
+    let (reference, dimmer, turned) = (
+        photo("reference", "0", "daylight"),
+        photo("dimmer", "0", "lamp"),
+        photo("turned", "2", "daylight"),
+    );
+    let compare = |today: &Path| {
+        json(&[
+            "data",
+            "stats",
+            text(today),
+            "--reference",
+            text(&reference),
+            "--json",
+        ])["reference"]
+            .clone()
+    };
+    let same = compare(&dimmer);
+    assert_eq!(same["verdict"], "same", "{same}");
+    let moved = compare(&turned);
+    assert_eq!(moved["verdict"], "moved", "{moved}");
+    // Turned to the left, the camera sees the scene further to the right.
+    assert!(moved["right_px"].as_f64().unwrap() > 4.0, "{moved}");
+    let run = folder.path().join("turned/oval-lane-picar-expert-1.mcap");
+    senda(&["data", "stats", text(&run), "--reference", text(&reference)])
+        .success()
+        .stdout(contains("MOVED"));
+}
+
+#[test]
+fn data_sets_that_are_none_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    for what in ["stats", "clean", "split"] {
+        senda(&["data", what, text(folder.path())])
+            .failure()
+            .stderr(contains("expected a recording"));
+    }
+    let picture = folder.path().join("picture.png");
+    std::fs::write(&picture, b"no picture").unwrap();
+    let run = record(folder.path(), "oval-lane");
+    senda(&["data", "stats", text(&run), "--reference", text(&picture)])
+        .failure()
+        .stderr(contains("expected a picture"));
+}
