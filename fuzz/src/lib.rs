@@ -74,7 +74,7 @@ pub fn model(bytes: &[u8]) {
         let is_small = layers.iter().all(|layer| layer.output.len() < 1 << 20);
         if model.network.multiply_adds() < 1_000_000 && is_small {
             let input = vec![0.5; model.network.input().len()];
-            Inference::new(&model.network, &model.weights, 1).run(&input);
+            model.inference().run(&input);
         }
     }
 }

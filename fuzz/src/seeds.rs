@@ -44,6 +44,7 @@ fn model() -> Model {
             unit: "rad".into(),
         }],
         provenance: Provenance::default(),
+        grids: vec![],
     }
 }
 

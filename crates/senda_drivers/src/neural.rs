@@ -202,7 +202,7 @@ impl NeuralDriver {
             });
         }
         Ok(Self {
-            inference: Inference::new(&model.network, &model.weights, 1),
+            inference: model.inference(),
             input: vec![0.0; model.network.input().len()],
             body: body.clone(),
             options,

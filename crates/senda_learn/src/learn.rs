@@ -249,6 +249,7 @@ pub fn learn(
         input,
         outputs: learning.answers.iter().map(|answer| answer.output()).collect(),
         provenance: provenance(learning),
+        grids: vec![],
     };
     let mut all = Samples::new(model.input.len(), learning.answers.len());
     let mut rounds: Vec<Round> = Vec::new();

@@ -46,6 +46,7 @@ fn gathered(threads: usize, with_model: bool) -> (Samples, usize, usize) {
             unit: String::new(),
         }],
         provenance: Provenance::default(),
+        grids: vec![],
         network,
     };
     let brief = Brief {

@@ -4,7 +4,9 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use senda_nets::{Imported, Inference, Network, TrainOptions, Trainer, Weights};
+use senda_nets::{
+    Imported, Inference, InputSpec, Model, Network, OutputSpec, Provenance, TrainOptions, Trainer, Weights,
+};
 use std::path::Path;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -19,6 +21,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             write(&folder, &imported.network, imported.weights)?;
             std::fs::copy(path, folder.join("network.onnx"))?;
             println!("{}", path.display());
+            continue;
+        }
+        // NETWORK@8 is the network on an 8-bit grid.
+        if let Some(name) = argument.strip_suffix("@8") {
+            write_quantised(&Path::new(&folder).join(&argument), &Network::named(name)?)?;
+            println!("{argument}");
             continue;
         }
         // NETWORK=FILE adopts the weights of a safetensors or ONNX file.
@@ -108,6 +116,38 @@ fn write(folder: &Path, network: &Network, weights: Weights) -> Result<(), Box<d
         ("outputs", &outputs),
         ("gradient", &gradient),
     ] {
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        std::fs::write(folder.join(name), bytes)?;
+    }
+    Ok(())
+}
+
+fn write_quantised(folder: &Path, network: &Network) -> Result<(), Box<dyn std::error::Error>> {
+    std::fs::create_dir_all(folder)?;
+    let shape = network.input();
+    let output = OutputSpec {
+        name: "output".to_owned(),
+        unit: String::new(),
+    };
+    let model = Model {
+        network: network.clone(),
+        weights: noisy_weights(network),
+        input: InputSpec::of(shape),
+        outputs: vec![output; network.output_len()],
+        provenance: Provenance::default(),
+        grids: vec![],
+    };
+    let batch = 6;
+    let inputs = noise(8, batch * shape.len());
+    let quantised = model.quantised(&inputs)?;
+    let mut inference = quantised.inference();
+    let outputs: Vec<f32> = inputs
+        .chunks_exact(shape.len())
+        .flat_map(|input| inference.run(input).to_vec())
+        .collect();
+    std::fs::write(folder.join("shape.txt"), format!("1 {batch} 0"))?;
+    std::fs::write(folder.join("network.onnx"), quantised.to_onnx())?;
+    for (name, values) in [("inputs", &inputs), ("outputs", &outputs)] {
         let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
         std::fs::write(folder.join(name), bytes)?;
     }

@@ -2,6 +2,7 @@
 
 use crate::engine::{Engine, Frame, Mode, Packed, Scratch, State};
 use crate::network::Network;
+use crate::quantised::Grid;
 use crate::weights::Weights;
 
 /// A network with its weights, ready to run. Nothing is allocated after [`Inference::new`].
@@ -16,6 +17,8 @@ pub struct Inference {
     frame: Frame,
     state: State,
     scratch: Scratch,
+    /// For every node but the output, where values are to lie on a grid.
+    grids: Vec<Grid>,
 }
 
 impl Inference {
@@ -42,6 +45,31 @@ impl Inference {
             weights: weights.values.clone(),
             packed,
             engine,
+            grids: Vec::new(),
+        }
+    }
+
+    /// The same with every value but the output moved to a grid.
+    pub(crate) fn on_grids(mut self, grids: &[Grid]) -> Self {
+        self.grids = grids.to_vec();
+        self
+    }
+
+    /// Values of a node (0 is the input) in the last run of one input.
+    pub(crate) fn node_values(&self, node: usize) -> &[f32] {
+        match node.checked_sub(1) {
+            None => &self.frame.values[0][..self.engine.network.input().len()],
+            Some(layer) => &self.activations(layer)[..self.engine.layers[layer].layer.output.len()],
+        }
+    }
+
+    fn snap(&mut self, node: usize, count: usize) {
+        if let Some(grid) = self.grids.get(node) {
+            let len = match node.checked_sub(1) {
+                None => self.engine.network.input().len(),
+                Some(layer) => self.engine.layers[layer].layer.output.len(),
+            };
+            grid.snap(&mut self.frame.values[node][..count * len]);
         }
     }
 
@@ -64,6 +92,7 @@ impl Inference {
             input.len()
         );
         self.frame.values[0][..input.len()].copy_from_slice(input);
+        self.snap(0, count);
         for index in 0..self.engine.layers.len() {
             self.engine.forward(
                 index,
@@ -75,6 +104,7 @@ impl Inference {
                 &mut self.scratch,
                 count,
             );
+            self.snap(index + 1, count);
         }
         let last = self.engine.layers.len();
         &self.frame.values[last][..count * self.engine.network.output_len()]

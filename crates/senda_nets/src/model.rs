@@ -1,11 +1,12 @@
 //! Model files: a trained network with everything that a driver needs to know.
 //!
 //! The layout is that of safetensors, so that Python opens one with `safetensors.safe_open`: eight bytes of header length
-//! (little-endian), a JSON header that places every tensor, the values as little-endian `f32`. What is more than weights
-//! stands in the header's `__metadata__` under `senda`.
+//! (little-endian), a JSON header that places every tensor, the values as little-endian `f32` (kernels of a quantised model
+//! as `i8`, with `NAME.scale` beside them). What is more than weights stands in the header's `__metadata__` under `senda`.
 
+use crate::quantised::{self, Grid, is_kernel, kernel_steps, scale_name};
 use crate::safetensors::{split, tensor_values};
-use crate::{InputSpec, Network, Weights};
+use crate::{Inference, InputSpec, Network, Tensor, Weights};
 use senda_geom::{Camera, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -29,6 +30,8 @@ pub struct Model {
     pub outputs: Vec<OutputSpec>,
     /// Where it came from.
     pub provenance: Provenance,
+    /// For a quantised model, the steps of every node's values (the input first) but the output's; empty for all others.
+    pub grids: Vec<Grid>,
 }
 
 /// One output of a network.
@@ -103,9 +106,21 @@ struct Head {
     outputs: Vec<OutputSpec>,
     #[serde(default)]
     provenance: Provenance,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    grids: Vec<Grid>,
 }
 
 impl Model {
+    /// Whether weights and values have 8 bits.
+    pub fn is_quantised(&self) -> bool {
+        !self.grids.is_empty()
+    }
+
+    /// Ready to run one input at a time; a quantised model's values lie on its grids.
+    pub fn inference(&self) -> Inference {
+        Inference::new(&self.network, &self.weights, 1).on_grids(&self.grids)
+    }
+
     /// The file's bytes.
     pub fn to_bytes(&self) -> Vec<u8> {
         let head = Head {
@@ -114,26 +129,45 @@ impl Model {
             input: self.input.clone(),
             outputs: self.outputs.clone(),
             provenance: self.provenance.clone(),
+            grids: self.grids.clone(),
         };
         let mut header = Map::new();
         let text = serde_json::to_string(&head).unwrap_or_default();
         header.insert("__metadata__".to_owned(), json!({"format": "pt", "senda": text}));
+        let mut data: Vec<u8> = Vec::with_capacity(4 * self.weights.values.len());
+        let mut put = |name: String, dtype: &str, shape: &[usize], bytes: &mut dyn Iterator<Item = u8>| {
+            let start = data.len();
+            data.extend(bytes);
+            let entry = json!({"dtype": dtype, "shape": shape, "data_offsets": [start, data.len()]});
+            header.insert(name, entry);
+        };
+        let floats =
+            |values: &[f32]| -> Vec<u8> { values.iter().flat_map(|value| value.to_le_bytes()).collect() };
+        let values = &self.weights.values;
+        let in_steps = |tensor: &&Tensor| self.is_quantised() && is_kernel(tensor);
         for tensor in self.network.tensors() {
-            let range = tensor.range();
-            header.insert(
-                tensor.name.clone(),
-                json!({"dtype": "F32", "shape": tensor.shape, "data_offsets": [4 * range.start, 4 * range.end]}),
-            );
+            if in_steps(&tensor) {
+                let (_, scales) = kernel_steps(tensor, values);
+                let bytes = floats(&scales);
+                put(scale_name(tensor), "F32", &[scales.len()], &mut bytes.into_iter());
+            } else {
+                let bytes = floats(&values[tensor.range()]);
+                put(tensor.name.clone(), "F32", &tensor.shape, &mut bytes.into_iter());
+            }
+        }
+        // Bytes last: the floats before them then lie at multiples of four.
+        for tensor in self.network.tensors().filter(in_steps) {
+            let (steps, _) = kernel_steps(tensor, values);
+            let mut bytes = steps.into_iter().map(|step| step.to_le_bytes()[0]);
+            put(tensor.name.clone(), "I8", &tensor.shape, &mut bytes);
         }
         let mut header = serde_json::to_vec(&Value::Object(header)).unwrap_or_default();
         // Values are aligned to eight bytes, as safetensors wants it.
         header.resize(header.len().next_multiple_of(8), b' ');
-        let mut bytes = Vec::with_capacity(8 + header.len() + 4 * self.weights.values.len());
+        let mut bytes = Vec::with_capacity(8 + header.len() + data.len());
         bytes.extend_from_slice(&(header.len() as u64).to_le_bytes());
         bytes.extend_from_slice(&header);
-        for value in &self.weights.values {
-            bytes.extend_from_slice(&value.to_le_bytes());
-        }
+        bytes.extend_from_slice(&data);
         bytes
     }
 
@@ -160,14 +194,16 @@ impl Model {
 
     /// The model as an ONNX file, for other programs: `input` is `[batch, channels, height, width]` as
     /// [`InputSpec`] prepares it, `output` is `[batch, outputs]`. Both specifications are in its metadata. The state of a
-    /// recurrent layer goes in and comes out as values of its own.
+    /// recurrent layer goes in and comes out as values of its own. A quantised model has `QuantizeLinear` and
+    /// `DequantizeLinear` around every layer, which the compilers of accelerators understand.
     pub fn to_onnx(&self) -> Vec<u8> {
         let metadata = [
             ("senda.input", json!(self.input).to_string()),
             ("senda.outputs", json!(self.outputs).to_string()),
             ("senda.provenance", json!(self.provenance).to_string()),
         ];
-        crate::onnx::export(&self.network, &self.weights, &metadata)
+        let grids = self.is_quantised().then_some(self.grids.as_slice());
+        crate::onnx::export(&self.network, &self.weights, &metadata, grids)
     }
 
     /// Reads a file.
@@ -234,7 +270,18 @@ impl Model {
                 "train it anew",
             ));
         }
-        let weights = read_weights(&network, &header, data)
+        let steps = network.layers().len();
+        let is_quantised = !head.grids.is_empty();
+        if is_quantised && (head.grids.len() != steps || !head.grids.iter().all(Grid::is_good)) {
+            return Err(wrong(
+                format!(
+                    "its 8-bit steps are damaged ({} for {steps} layers)",
+                    head.grids.len()
+                ),
+                "quantise it anew",
+            ));
+        }
+        let weights = read_weights(&network, &header, data, is_quantised)
             .map_err(|found| wrong(found, "copy it again, or train it anew"))?;
         Ok(Self {
             network,
@@ -242,6 +289,7 @@ impl Model {
             input: head.input,
             outputs: head.outputs,
             provenance: head.provenance,
+            grids: head.grids,
         })
     }
 
@@ -263,22 +311,35 @@ impl Model {
     }
 }
 
-fn read_weights(network: &Network, header: &Map<String, Value>, data: &[u8]) -> Result<Weights, String> {
+fn read_weights(
+    network: &Network,
+    header: &Map<String, Value>,
+    data: &[u8],
+    is_quantised: bool,
+) -> Result<Weights, String> {
     // A hostile header asks for no more memory than the file has bytes.
-    if network.parameter_count() > data.len() / 4 {
+    let smallest = if is_quantised { 1 } else { 4 };
+    if network.parameter_count() > data.len() / smallest {
         return Err("one that was cut short: weights are missing at its end".to_owned());
     }
-    let mut values = vec![0f32; network.parameter_count()];
-    for tensor in network.tensors() {
-        let read = tensor_values(header, data, &tensor.name, &tensor.shape)?;
-        for (value, read) in values[tensor.range()].iter_mut().zip(read) {
-            *value = read;
+    let weights = if is_quantised {
+        quantised::read_weights(network, header, data)?
+    } else {
+        let mut weights = Weights {
+            values: vec![0f32; network.parameter_count()],
+        };
+        for tensor in network.tensors() {
+            let read = tensor_values(header, data, &tensor.name, &tensor.shape)?;
+            for (value, read) in weights.values[tensor.range()].iter_mut().zip(read) {
+                *value = read;
+            }
         }
-    }
-    if values.iter().any(|value| !value.is_finite()) {
+        weights
+    };
+    if weights.values.iter().any(|value| !value.is_finite()) {
         return Err("weights that are no numbers".to_owned());
     }
-    Ok(Weights { values })
+    Ok(weights)
 }
 
 /// Tolerances (guesses, about what a careful remounting keeps): a tenth of the height, 3 cm of place, 3° of direction,
@@ -377,6 +438,7 @@ mod tests {
                 worlds: vec!["oval".into()],
                 ..Provenance::default()
             },
+            grids: vec![],
             network,
         }
     }

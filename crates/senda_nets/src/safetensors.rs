@@ -30,6 +30,20 @@ pub(crate) fn tensor_values<'a>(
     name: &str,
     shape: &[usize],
 ) -> Result<impl Iterator<Item = f32> + use<'a>, String> {
+    Ok(tensor_bytes(header, data, name, shape, "F32", 4)?
+        .chunks_exact(4)
+        .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])))
+}
+
+/// The bytes of one tensor of a safetensors file, whose values have this type and size.
+pub(crate) fn tensor_bytes<'a>(
+    header: &Map<String, Value>,
+    data: &'a [u8],
+    name: &str,
+    shape: &[usize],
+    dtype: &str,
+    size: usize,
+) -> Result<&'a [u8], String> {
     let Some(entry) = header.get(name) else {
         return Err(format!("expected the tensor {name:?}, but found none"));
     };
@@ -41,9 +55,9 @@ pub(crate) fn tensor_values<'a>(
             "tensor {name:?}: expected the shape {shape:?}, but found {found:?}"
         ));
     }
-    if entry.get("dtype").and_then(Value::as_str) != Some("F32") {
+    if entry.get("dtype").and_then(Value::as_str) != Some(dtype) {
         return Err(format!(
-            "tensor {name:?}: expected F32, but found {}",
+            "tensor {name:?}: expected {dtype}, but found {}",
             entry.get("dtype").unwrap_or(&Value::Null)
         ));
     }
@@ -55,9 +69,7 @@ pub(crate) fn tensor_values<'a>(
         _ => None,
     };
     match bytes {
-        Some(bytes) if bytes.len() == 4 * shape.iter().product::<usize>() => Ok(bytes
-            .chunks_exact(4)
-            .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))),
+        Some(bytes) if bytes.len() == size * shape.iter().product::<usize>() => Ok(bytes),
         _ => Err(format!(
             "tensor {name:?}: its values are missing: the file was cut short"
         )),

@@ -138,7 +138,7 @@ fn write_activation(out: &mut String, layer: &Layer) {
 }
 
 /// Text in quotes with everything escaped that TOML asks for.
-fn quoted(text: &str) -> String {
+pub(crate) fn quoted(text: &str) -> String {
     let mut out = String::with_capacity(text.len() + 2);
     out.push('"');
     for c in text.chars() {

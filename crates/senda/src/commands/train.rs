@@ -343,6 +343,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         weights: trained.weights,
         input,
         provenance,
+        grids: vec![],
     };
     model.save(&arguments.out)?;
     let wall_s = terminal::seconds_since(began_ns);

@@ -1,13 +1,20 @@
 //! A network and its weights as an ONNX graph.
 
 use super::*;
-use crate::network::{Activation, Kind, Layer, Network, Shape};
+use crate::network::{Activation, Kind, Layer, Network, Shape, Tensor};
+use crate::quantised::{Grid, is_kernel, kernel_steps};
 use crate::weights::Weights;
 use prost::Message;
 
 /// The bytes of an ONNX file: `input` is `[batch, channels, height, width]`, `output` is `[batch, outputs]`. The state of
-/// a recurrent layer goes in as `LAYER.h_in`, `LAYER.c_in` and comes out as `LAYER.h_out`, `LAYER.c_out`.
-pub(crate) fn export(network: &Network, weights: &Weights, metadata: &[(&str, String)]) -> Vec<u8> {
+/// a recurrent layer goes in as `LAYER.h_in`, `LAYER.c_in` and comes out as `LAYER.h_out`, `LAYER.c_out`. With `grids`, kernels
+/// and values are 8-bit, in `QuantizeLinear` and `DequantizeLinear`.
+pub(crate) fn export(
+    network: &Network,
+    weights: &Weights,
+    metadata: &[(&str, String)],
+    grids: Option<&[Grid]>,
+) -> Vec<u8> {
     let mut writer = Writer {
         weights: &weights.values,
         graph: GraphProto {
@@ -18,7 +25,9 @@ pub(crate) fn export(network: &Network, weights: &Weights, metadata: &[(&str, St
         names: vec!["input".to_owned()],
         ranks: vec![4],
         spare: 0,
+        grids,
     };
+    writer.names[0] = writer.on_grid(0, "input".to_owned());
     for layer in network.layers() {
         writer.layer(layer);
     }
@@ -58,7 +67,7 @@ impl Network {
             self.parameter_count(),
             "weights of another network"
         );
-        export(self, weights, &[])
+        export(self, weights, &[], None)
     }
 }
 
@@ -145,6 +154,7 @@ struct Writer<'a> {
     names: Vec<String>,
     ranks: Vec<usize>,
     spare: usize,
+    grids: Option<&'a [Grid]>,
 }
 
 impl Writer<'_> {
@@ -189,6 +199,48 @@ impl Writer<'_> {
         name.to_owned()
     }
 
+    fn bytes_constant(&mut self, name: &str, shape: &[usize], data_type: i32, raw_data: Vec<u8>) -> String {
+        self.graph.initializer.push(TensorProto {
+            dims: shape.iter().map(|size| *size as i64).collect(),
+            data_type,
+            name: name.to_owned(),
+            raw_data,
+            ..TensorProto::default()
+        });
+        name.to_owned()
+    }
+
+    /// A tensor of weights; kernels of 8 bits where there are grids.
+    fn weight(&mut self, tensor: &Tensor) -> String {
+        if self.grids.is_none() || !is_kernel(tensor) {
+            let weights = self.weights;
+            return self.constant(&tensor.name, &tensor.shape, &weights[tensor.range()]);
+        }
+        let (steps, scales) = kernel_steps(tensor, self.weights);
+        let rows = [scales.len()];
+        let bytes = steps.into_iter().map(|step| step.to_le_bytes()[0]).collect();
+        let steps = self.bytes_constant(&tensor.name, &tensor.shape, INT8, bytes);
+        let scale = self.constant(&format!("{}.scale", tensor.name), &rows, &scales);
+        let zero = self.bytes_constant(
+            &format!("{}.zero", tensor.name),
+            &rows,
+            INT8,
+            vec![0; scales.len()],
+        );
+        self.inner("DequantizeLinear", &[&steps, &scale, &zero], vec![int("axis", 0)])
+    }
+
+    /// The value of a node on its grid, where there is one.
+    fn on_grid(&mut self, node: usize, value: String) -> String {
+        let Some(grid) = self.grids.and_then(|grids| grids.get(node)).copied() else {
+            return value;
+        };
+        let scale = self.constant(&format!("grid.{node}.scale"), &[], &[grid.scale]);
+        let zero = self.bytes_constant(&format!("grid.{node}.zero"), &[], UINT8, vec![grid.zero]);
+        let steps = self.inner("QuantizeLinear", &[&value, &scale, &zero], vec![]);
+        self.inner("DequantizeLinear", &[&steps, &scale, &zero], vec![])
+    }
+
     /// The value of a node with this number of dimensions.
     fn ranked(&mut self, node: usize, rank: usize) -> String {
         let name = self.names[node].clone();
@@ -204,14 +256,7 @@ impl Writer<'_> {
     }
 
     fn layer(&mut self, layer: &Layer) {
-        let tensors: Vec<String> = layer
-            .tensors
-            .iter()
-            .map(|tensor| {
-                let values = &self.weights[tensor.range()];
-                self.constant(&tensor.name, &tensor.shape, values)
-            })
-            .collect();
+        let tensors: Vec<String> = layer.tensors.iter().map(|tensor| self.weight(tensor)).collect();
         let rank = match layer.kind {
             Kind::Dense { .. } | Kind::Flatten => 2,
             Kind::Activation | Kind::BatchNorm { .. } | Kind::Dropout { .. } => self.ranks[layer.from[0]],
@@ -293,6 +338,7 @@ impl Writer<'_> {
             } => self.lstm(layer, &input, &tensors, window(kernel, stride, padding)),
         };
         let value = self.activation(layer.activation, &value);
+        let value = self.on_grid(self.names.len(), value);
         self.names.push(value);
         self.ranks.push(rank);
     }

@@ -834,7 +834,7 @@ mod tests {
         for name in Network::names() {
             let network = Network::named(name).unwrap();
             let weights = Weights::random(&network, 2);
-            let bytes = export(&network, &weights, &[("note", "mine".to_owned())]);
+            let bytes = export(&network, &weights, &[("note", "mine".to_owned())], None);
             let imported = Imported::from_bytes("x.onnx", &bytes);
             if network.is_recurrent() {
                 assert!(imported.unwrap_err().to_string().contains("inputs, not one"));
@@ -854,7 +854,7 @@ mod tests {
     #[test]
     fn what_is_not_onnx_or_lacks_here_is_named() {
         let network = Network::named("tinypilotnet").unwrap();
-        let bytes = export(&network, &Weights::random(&network, 2), &[]);
+        let bytes = export(&network, &Weights::random(&network, 2), &[], None);
         for end in 0..bytes.len() {
             assert!(Imported::from_bytes("cut.onnx", &bytes[..end]).is_err(), "{end}");
         }

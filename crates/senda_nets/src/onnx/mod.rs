@@ -12,6 +12,8 @@ pub(crate) use export::export;
 /// Version of the operators that exported files use.
 const OPSET: i64 = 17;
 const FLOAT: i32 = 1;
+const UINT8: i32 = 2;
+const INT8: i32 = 3;
 const INT64: i32 = 7;
 
 #[derive(Clone, PartialEq, prost::Message)]
