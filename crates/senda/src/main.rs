@@ -42,7 +42,7 @@ enum Command {
     Train(commands::train::Arguments),
     /// Drive a trained network on circuits it never saw and give rates with intervals
     Evaluate(commands::evaluate::Arguments),
-    /// Look into trained networks
+    /// Look into trained networks, bring them in and out, take them to 8 bits
     Model(commands::model::Arguments),
     /// Show networks as lists of layers
     Net(commands::net::Arguments),

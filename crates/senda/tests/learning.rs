@@ -190,6 +190,108 @@ fn recorded_trained_and_driven_twice_the_same() {
 }
 
 #[test]
+fn models_go_out_come_back_and_shrink_to_8_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    data(folder.path());
+    let at = |name: &str| folder.path().join(name);
+    senda(&with(&training(folder.path(), "a.senda"), &[])).success();
+    let (model, onnx, back) = (at("a.senda"), at("a.onnx"), at("back.senda"));
+    let exported = json(&["model", "export", text(&model), text(&onnx), "--json"]);
+    assert_eq!(exported["input"], serde_json::json!([1, 8, 12]));
+
+    // What it wrote itself says everything; the same drive comes of it.
+    senda(&["model", "import", text(&onnx), "--out", text(&back)]).success();
+    let drive = |model: &Path| -> serde_json::Value {
+        json(&[
+            "drive",
+            "--world",
+            "oval-lane",
+            "--vehicle",
+            "picar",
+            "--driver",
+            "neural",
+            "--model",
+            text(model),
+            "--image",
+            "40x30",
+            "--time-limit",
+            "1",
+            "--json",
+        ])
+    };
+    assert_eq!(drive(&model)["digest"], drive(&back)["digest"]);
+
+    // Others must be told.
+    let mut bytes = std::fs::read(&onnx).unwrap();
+    for at in 0..bytes.len().saturating_sub(6) {
+        if bytes[at..].starts_with(b"senda.") {
+            bytes[at] = b'x';
+        }
+    }
+    let foreign = at("foreign.onnx");
+    std::fs::write(&foreign, bytes).unwrap();
+    let import = |more: &[&str]| {
+        let mut arguments = vec!["model", "import", text(&foreign), "-o", text(&back)];
+        arguments.extend(more);
+        senda(&arguments)
+    };
+    import(&[]).failure().stderr(contains("--values"));
+    import(&["--values", "-1,1"])
+        .failure()
+        .stderr(contains("--outputs"));
+    import(&["--values", "-1,1", "--outputs", "steering,speed"])
+        .failure()
+        .stderr(contains("each of the network's 1 output"));
+    import(&["--values", "-1,1", "--outputs", "stearing"])
+        .failure()
+        .stderr(contains("stearing"));
+    let spec = at("spec.toml");
+    std::fs::write(&spec, "outputs = [\"steering\"]\nvalues = [-1.0, 1.0]\n").unwrap();
+    import(&["--spec", text(&spec)]).success();
+    assert_eq!(drive(&model)["digest"], drive(&back)["digest"]);
+    std::fs::write(&spec, "outputz = []\n").unwrap();
+    import(&["--spec", text(&spec)])
+        .failure()
+        .stderr(contains("spec.toml").and(contains("outputz")));
+
+    let small = at("a8.senda");
+    let runs = at("runs");
+    let quantise = |source: &str| -> Vec<String> {
+        [
+            "model",
+            "quantise",
+            text(&model),
+            "--calibrate",
+            source,
+            "--frames",
+            "16",
+            "--out",
+            text(&small),
+        ]
+        .map(str::to_owned)
+        .to_vec()
+    };
+    let result = json(&with(&quantise(text(&runs)), &["--json"]));
+    let largest = result["differences"][0]["largest"].as_f64().unwrap();
+    assert!(largest > 0.0 && largest < 0.1, "{result}");
+    assert!(result["bytes"].as_u64() < result["bytes_before"].as_u64());
+    let info = json(&["model", "info", text(&small), "--json"]);
+    assert_eq!(info["quantised"], true);
+    assert!(drive(&small)["frames"].as_u64().unwrap() > 5);
+    senda(&["model", "export", text(&small), text(&onnx)]).success();
+    senda(&["model", "import", text(&onnx), "--out", text(&back)])
+        .failure()
+        .stderr(contains("QuantizeLinear"));
+    senda(&["model", "quantise", text(&small), "--calibrate", text(&runs)])
+        .failure()
+        .stderr(contains("8 bits"));
+    senda(&with(&quantise("random-circuit:9000"), &[])).success();
+    senda(&with(&quantise("random-corcuit:9000"), &[]))
+        .failure()
+        .stderr(contains("random-corcuit"));
+}
+
+#[test]
 fn what_is_no_model_is_refused_with_words() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("list.senda");

@@ -28,6 +28,7 @@ pub mod correct;
 mod error;
 pub mod gather;
 pub mod learn;
+pub mod quantise;
 mod samples;
 pub mod split;
 mod store;

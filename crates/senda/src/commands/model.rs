@@ -1,9 +1,12 @@
-//! `senda model`: what a trained network says about itself.
+//! `senda model`: what a trained network says about itself, and its way to and from other programs.
+
+mod import;
+mod quantise;
 
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use senda_nets::Model;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub(crate) struct Arguments {
@@ -21,11 +24,63 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Write a model as an ONNX file for other programs
+    Export {
+        /// Model file
+        model: PathBuf,
+        /// ONNX file to write
+        out: PathBuf,
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Take in a network that PyTorch, Keras or another program exported as ONNX
+    Import(import::Arguments),
+    /// Take a model to weights and values of 8 bits
+    Quantise(quantise::Arguments),
 }
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
-    let Command::Info { model: path, json } = arguments.command;
-    let model = Model::load(&path)?;
+    match arguments.command {
+        Command::Info { model, json } => info(&model, json),
+        Command::Export { model, out, json } => export(&model, &out, json),
+        Command::Import(arguments) => import::run(arguments),
+        Command::Quantise(arguments) => quantise::run(arguments),
+    }
+}
+
+fn export(path: &Path, out: &Path, json: bool) -> Result<()> {
+    let model = Model::load(path)?;
+    let bytes = model.to_onnx();
+    super::write_file(out, &bytes)?;
+    let shape = model.network.input();
+    let shape = [shape.channels, shape.height, shape.width];
+    if json {
+        let value = serde_json::json!({
+            "onnx": out,
+            "bytes": bytes.len(),
+            "input": shape,
+            "outputs": model.outputs,
+            "quantised": model.is_quantised(),
+        });
+        println!("{}", serde_json::to_string_pretty(&value)?);
+        return Ok(());
+    }
+    let names: Vec<&str> = model.outputs.iter().map(|output| output.name.as_str()).collect();
+    println!(
+        "{}: input [batch, {}, {}, {}], output [batch, {}] ({}); how frames are prepared stands in its metadata",
+        out.display(),
+        shape[0],
+        shape[1],
+        shape[2],
+        names.len(),
+        names.join(", ")
+    );
+    Ok(())
+}
+
+fn info(path: &Path, json: bool) -> Result<()> {
+    let model = Model::load(path)?;
     if json {
         let value = serde_json::json!({
             "network": model.network.name(),
@@ -34,6 +89,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             "input": model.input,
             "outputs": model.outputs,
             "provenance": model.provenance,
+            "quantised": model.is_quantised(),
         });
         println!("{}", serde_json::to_string_pretty(&value)?);
         return Ok(());
@@ -70,6 +126,9 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     }
     for output in &model.outputs {
         println!("  output      {}: {}", output.name, output.unit);
+    }
+    if model.is_quantised() {
+        println!("  precision   8 bits");
     }
     let made = &model.provenance;
     println!(
