@@ -4,7 +4,7 @@ use crate::RunError;
 use senda_world::{Colour, Difficulty, Kind, World};
 
 /// The families of random worlds, with what each is for.
-pub const FAMILIES: [(&str, &str); 6] = [
+pub const FAMILIES: [(&str, &str); 8] = [
     (
         "random-line",
         "one black or white line on a floor as in document C: plain or speckled, matt or glossy",
@@ -29,6 +29,14 @@ pub const FAMILIES: [(&str, &str); 6] = [
         "random-track",
         "a race track for model cars: wide, often with a dashed line in its middle, things around it",
     ),
+    (
+        "random-warehouse",
+        "a warehouse as in document D: three depots, signs 0 and 1 in either order, mirrored or not",
+    ),
+    (
+        "random-warehouse-any",
+        "a warehouse of three to six depots in any order, with further lights",
+    ),
 ];
 
 /// Floors like those of document C: glossy, speckled, irregular.
@@ -48,6 +56,9 @@ pub fn world(name: &str) -> Result<Option<World>, RunError> {
     let Some((family, seed)) = name.split_once(':') else {
         return Ok(None);
     };
+    if let Some(any) = warehouse(family) {
+        return Ok(Some(World::random_warehouse(parse_seed(name, seed)?, any)));
+    }
     let Some(difficulty) = difficulty(family) else {
         return Ok(None);
     };
@@ -55,7 +66,16 @@ pub fn world(name: &str) -> Result<Option<World>, RunError> {
     Ok(Some(World::random(seed, &difficulty)))
 }
 
-/// The difficulty of a family.
+/// Whether a family's warehouses have any depots in any order; `None` for families that are no warehouses.
+fn warehouse(family: &str) -> Option<bool> {
+    match family {
+        "random-warehouse" => Some(false),
+        "random-warehouse-any" => Some(true),
+        _ => None,
+    }
+}
+
+/// The difficulty of a family of circuits.
 pub fn difficulty(family: &str) -> Option<Difficulty> {
     let any_line = Difficulty::default();
     // Narrow enough for a camera 54° wide to see both lines: twice C8's half vehicle's width and a little more.

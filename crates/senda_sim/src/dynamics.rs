@@ -320,8 +320,11 @@ fn driven(spec: &VehicleSpec, state: &State, wanted_mps: f64) -> f64 {
             None => wanted_mps,
         };
     };
-    let (reckoned_v, true_v) = match spec.battery {
-        Some(_) => (state.measured_v, state.battery_v),
+    let (reckoned_v, true_v) = match &spec.battery {
+        Some(battery) => (
+            battery.supply_v(state.measured_v),
+            battery.supply_v(state.battery_v),
+        ),
         None => (motor.reference_v, motor.reference_v),
     };
     let turn_m = spec.wheels.circumference_m();

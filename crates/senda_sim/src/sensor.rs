@@ -94,6 +94,7 @@ impl CameraSensor {
         let dark = noise.read * amplified;
         let shot = Shot {
             world_from_vehicle: moment.world_from_vehicle,
+            time_s: moment.stamp.as_s(),
             gain: [exposure.gain * moment.light_level; 3],
             motion: Motion {
                 speed_mps: moment.speed_mps,

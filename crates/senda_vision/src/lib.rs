@@ -32,6 +32,7 @@ pub mod binary;
 pub mod blob;
 pub mod blur;
 pub mod components;
+pub mod detection;
 pub mod edges;
 pub mod extractor;
 pub mod floor_line;
@@ -51,6 +52,7 @@ mod simd;
 pub mod calibration;
 
 pub use blob::{LineBlob, Rejection, RowPoint};
+pub use detection::{Detection, Detector, ObjectClass};
 pub use edges::{Canny, Gradients};
 pub use extractor::{ContrastScores, LineExtractor, Statistics};
 pub use floor_line::{FloorLine, LineFitter, LineState};

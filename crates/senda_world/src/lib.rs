@@ -28,10 +28,13 @@ mod light;
 mod marking;
 pub mod paint;
 mod path;
+mod pictures;
 mod random;
 mod reader;
+mod texture;
 mod thing;
 mod vehicle;
+mod warehouse;
 mod world;
 mod writer;
 
@@ -42,9 +45,12 @@ pub use light::{LIGHT_PRESETS, Lamp, Light, LightChange, Shadows};
 pub use marking::{Dash, Marking};
 pub use paint::FloorPainting;
 pub use path::{PathShape, PathSpec, Piece, closing_pieces, self_overlap, smallest_radius_m};
+pub use pictures::LightProgram;
 pub use random::{Difficulty, Kind, Tone};
-pub use thing::{Cells, Face, Texture, Thing, ThingShape};
+pub use texture::{Cells, Texture};
+pub use thing::{Face, Thing, ThingShape};
 pub use vehicle::{
     Battery, CameraSpec, DriveTrain, Encoders, Exposure, ImageNoise, Motor, Tyres, VehicleSpec, Wheels,
 };
-pub use world::{Backdrop, World};
+pub use warehouse::{Place, PlaceKind, Street, Warehouse, WarehouseLayout};
+pub use world::{Backdrop, Layer, World};

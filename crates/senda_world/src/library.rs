@@ -14,12 +14,12 @@ macro_rules! files {
 const WORLDS: &[(&str, &str)] = files!(
     "worlds": "straight", "straight-lane", "oval", "oval-lane", "s-curves", "s-curves-lane", "hard-curves",
     "hard-curves-lane", "circuit-1", "circuit-2", "circuit-3", "circuit-4", "circuit-5", "circuit-6", "unseen-1",
-    "unseen-2", "unseen-3", "unseen-4",
+    "unseen-2", "unseen-3", "unseen-4", "warehouse", "warehouse-2", "warehouse-3",
 );
 
 /// Name and text of every vehicle.
 const VEHICLES: &[(&str, &str)] = files!(
-    "vehicles": "gopigo", "picar", "donkeycar", "unicycle",
+    "vehicles": "gopigo", "picar", "donkeycar", "unicycle", "warehouse-cart",
 );
 
 fn find(

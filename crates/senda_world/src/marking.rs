@@ -168,8 +168,8 @@ impl Marking {
         Ok(markings)
     }
 
-    pub(crate) fn write(&self, document: &mut Document) {
-        document.item("markings");
+    pub(crate) fn write(&self, document: &mut Document, item: &str) {
+        document.item(item);
         document.number("offset_m", self.offset_m);
         document.number("width_m", self.width_m);
         document.text("colour", &self.colour.to_string());

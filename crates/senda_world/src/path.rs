@@ -194,8 +194,8 @@ impl PathSpec {
         Ok((spec, curve, warnings))
     }
 
-    pub(crate) fn write(&self, document: &mut Document) {
-        document.header("path");
+    pub(crate) fn write(&self, document: &mut Document, header: &str) {
+        document.header(header);
         document.line("closed", self.closed);
         if self.reversed {
             document.line("reversed", true);

@@ -4,7 +4,8 @@ use crate::colour::{Colour, ReadColour};
 use crate::error::WorldError;
 use crate::path::FAR_M;
 use crate::reader::Table;
-use crate::writer::{Document, quoted};
+use crate::texture::{Texture, read_texture};
+use crate::writer::Document;
 use senda_geom::{Curve, Pose2, Vec2, Vec3};
 use std::f64::consts::PI;
 
@@ -42,82 +43,6 @@ pub enum ThingShape {
         /// Extent across the heading (m).
         width_m: f64,
     },
-}
-
-/// What is painted on a thing.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Texture {
-    /// One colour.
-    Plain {
-        /// The colour.
-        colour: Colour,
-    },
-    /// Squares of two colours.
-    Checker {
-        /// First colour.
-        colour: Colour,
-        /// Second colour.
-        second_colour: Colour,
-        /// Side of a square (m).
-        size_m: f64,
-    },
-    /// Upright stripes of two colours.
-    Stripes {
-        /// First colour.
-        colour: Colour,
-        /// Second colour.
-        second_colour: Colour,
-        /// Width of a stripe (m).
-        size_m: f64,
-    },
-    /// A picture of cells, stretched over the face: signs, QR codes, lights. Programs generate it; files write it as
-    /// rows of characters with a palette.
-    Cells(Cells),
-}
-
-/// A small picture: rows from top to bottom, cells from left to right as seen from in front.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Cells {
-    /// Cells in a row, at least 1.
-    pub width: usize,
-    /// Rows, at least 1.
-    pub height: usize,
-    /// `width · height` colours.
-    pub cells: Vec<Colour>,
-}
-
-impl Texture {
-    /// The colour at a place of a face of `width_m` x `height_m`: `right_m` from its left edge as seen from in
-    /// front, `down_m` from its upper edge.
-    pub fn colour_at(&self, right_m: f64, down_m: f64, width_m: f64, height_m: f64) -> Colour {
-        match self {
-            Self::Plain { colour } => *colour,
-            Self::Checker {
-                colour,
-                second_colour,
-                size_m,
-            } => {
-                let odd = ((right_m / size_m).floor() + (down_m / size_m).floor()).rem_euclid(2.0);
-                if odd < 1.0 { *colour } else { *second_colour }
-            }
-            Self::Stripes {
-                colour,
-                second_colour,
-                size_m,
-            } => {
-                if (right_m / size_m).floor().rem_euclid(2.0) < 1.0 {
-                    *colour
-                } else {
-                    *second_colour
-                }
-            }
-            Self::Cells(cells) => {
-                let column = (right_m / width_m * cells.width as f64).max(0.0) as usize;
-                let row = (down_m / height_m * cells.height as f64).max(0.0) as usize;
-                cells.cells[row.min(cells.height - 1) * cells.width + column.min(cells.width - 1)]
-            }
-        }
-    }
 }
 
 /// One flat face of a thing, for renderers.
@@ -256,29 +181,7 @@ impl Thing {
         document.number("height_m", self.height_m);
         document.text("back", &self.back.to_string());
         document.header("things.texture");
-        match &self.texture {
-            Texture::Plain { colour } => {
-                document.text("kind", "plain");
-                document.text("colour", &colour.to_string());
-            }
-            Texture::Checker {
-                colour,
-                second_colour,
-                size_m,
-            }
-            | Texture::Stripes {
-                colour,
-                second_colour,
-                size_m,
-            } => {
-                let checker = matches!(self.texture, Texture::Checker { .. });
-                document.text("kind", if checker { "checker" } else { "stripes" });
-                document.text("colour", &colour.to_string());
-                document.text("second_colour", &second_colour.to_string());
-                document.number("size_m", *size_m);
-            }
-            Texture::Cells(cells) => write_cells(cells, document),
-        }
+        self.texture.write(document);
     }
 }
 
@@ -301,112 +204,4 @@ fn read_place(table: &mut Table, path: &Curve) -> Result<Pose2, WorldError> {
         table.required_f64("y_m", -FAR_M, FAR_M)?,
         heading_rad.unwrap_or(0.0),
     ))
-}
-
-fn read_texture(mut table: Table) -> Result<Texture, WorldError> {
-    let kind = table.required_word("kind", &["plain", "checker", "stripes", "cells"])?;
-    if kind == "cells" {
-        let cells = read_cells(&mut table)?;
-        table.finish()?;
-        return Ok(Texture::Cells(cells));
-    }
-    let colour = table
-        .optional_colour("colour")?
-        .ok_or_else(|| table.missing("colour", "a colour"))?;
-    let texture = if kind == "plain" {
-        Texture::Plain { colour }
-    } else {
-        let second_colour = table.colour("second_colour", Colour::new(240, 240, 236))?;
-        let size_m = table.required_f64("size_m", 1e-4, 1000.0)?;
-        if kind == "checker" {
-            Texture::Checker {
-                colour,
-                second_colour,
-                size_m,
-            }
-        } else {
-            Texture::Stripes {
-                colour,
-                second_colour,
-                size_m,
-            }
-        }
-    };
-    table.finish()?;
-    Ok(texture)
-}
-
-/// Palette letters, in the order in which the writer gives them out.
-const LETTERS: &str = "#.abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789";
-
-/// `palette = ["# black", ". white"]`, `rows = ["#.#", …]`.
-fn read_cells(table: &mut Table) -> Result<Cells, WorldError> {
-    let mut palette: Vec<(char, Colour)> = Vec::new();
-    for entry in table.strings("palette")? {
-        let mut letters = entry.chars();
-        let colour = letters
-            .next()
-            .zip(letters.as_str().strip_prefix(' ').and_then(Colour::parse));
-        palette.push(colour.ok_or_else(|| {
-            table.problem(
-                "palette",
-                "entries such as \"# black\"",
-                format!("{entry:?}"),
-                "one character, a blank, a colour",
-            )
-        })?);
-    }
-    let rows = table.strings("rows")?;
-    let width = rows.first().map_or(0, |row| row.chars().count());
-    if width == 0 || width > 4096 || rows.len() > 4096 {
-        return Err(table.problem("rows", "1 to 4096 rows of 1 to 4096 characters", "others", ""));
-    }
-    let mut cells = Vec::with_capacity(width * rows.len());
-    for row in &rows {
-        if row.chars().count() != width {
-            return Err(table.problem(
-                "rows",
-                format!("rows of {width} characters"),
-                format!("{row:?}"),
-                "",
-            ));
-        }
-        for letter in row.chars() {
-            let colour = palette.iter().find(|(known, _)| *known == letter);
-            let (_, colour) = colour.ok_or_else(|| {
-                table.problem("rows", "characters of the palette", format!("{letter:?}"), "")
-            })?;
-            cells.push(*colour);
-        }
-    }
-    Ok(Cells {
-        width,
-        height: rows.len(),
-        cells,
-    })
-}
-
-fn write_cells(cells: &Cells, document: &mut Document) {
-    let mut colours: Vec<Colour> = cells.cells.clone();
-    colours.sort_unstable();
-    colours.dedup();
-    // More colours than letters cannot come from a file; the rest becomes the last letter's.
-    let letters: Vec<char> = LETTERS.chars().collect();
-    let letter = |colour: &Colour| {
-        let index = colours.binary_search(colour).unwrap_or(0);
-        letters[index.min(letters.len() - 1)]
-    };
-    let palette: Vec<String> = colours
-        .iter()
-        .take(letters.len())
-        .map(|colour| quoted(&format!("{} {colour}", letter(colour))))
-        .collect();
-    let rows: Vec<String> = cells
-        .cells
-        .chunks(cells.width)
-        .map(|row| quoted(&row.iter().map(letter).collect::<String>()))
-        .collect();
-    document.text("kind", "cells");
-    document.line("palette", format!("[{}]", palette.join(", ")));
-    document.line("rows", format!("[\n  {},\n]", rows.join(",\n  ")));
 }

@@ -7,10 +7,13 @@ use crate::light::Light;
 use crate::marking::Marking;
 use crate::path::{self, FAR_M, PathSpec};
 use crate::reader::{Source, Table};
+use crate::texture::Texture;
 use crate::thing::Thing;
 use crate::vehicle::VehicleSpec;
+use crate::warehouse::Warehouse;
 use crate::writer::Document;
 use senda_geom::{Curve, Vec2};
+use std::borrow::Cow;
 use std::path::Path;
 
 /// Corridor to either side of a single line (m) unless the file says otherwise (guess: a little more than the
@@ -48,6 +51,17 @@ pub struct World {
     pub backdrop: Backdrop,
     /// Painted floor around the path's outermost markings (m).
     pub margin_m: f64,
+    /// Streets beside the path and places to stop at; `None`: there is only the path.
+    pub warehouse: Option<Warehouse>,
+}
+
+/// Paint along one curve.
+#[derive(Debug, Clone)]
+pub struct Layer<'a> {
+    /// The curve.
+    pub path: &'a Curve,
+    /// What is painted along it, in this order.
+    pub markings: Cow<'a, [Marking]>,
 }
 
 /// What a camera sees beyond the floor.
@@ -109,7 +123,7 @@ impl World {
         let margin_m = table.f64("margin_m", 0.0, 100.0, MARGIN_M)?;
         let path_table = table.optional_table("path")?;
         let path_table = path_table.ok_or_else(|| table.missing("path", "a table with pieces or points"))?;
-        let (path_spec, path, warnings) = PathSpec::read(path_table)?;
+        let (path_spec, path, mut warnings) = PathSpec::read(path_table)?;
         if start_station_m > path.length_m() {
             return Err(table.problem(
                 "start_station_m",
@@ -126,7 +140,11 @@ impl World {
             Some(floor) => Floor::read(floor)?,
             None => Floor::of_kind(crate::floor::FloorKind::Plain),
         };
-        let (low, high) = bounds_of(&path, &markings, margin_m);
+        let warehouse = match table.optional_table("warehouse")? {
+            Some(warehouse) => Some(Warehouse::read(warehouse, &path, &mut warnings)?),
+            None => None,
+        };
+        let (low, high) = bounds_of(&layers(&path, &markings, warehouse.as_ref()), margin_m);
         let light = match table.optional_table("light")? {
             Some(light) => Light::read(light, low, high)?,
             None => Light::default(),
@@ -161,6 +179,7 @@ impl World {
             things,
             backdrop,
             margin_m,
+            warehouse,
         };
         Ok((world, warnings))
     }
@@ -178,14 +197,17 @@ impl World {
         document.number("corridor_half_width_m", self.corridor_half_width_m);
         document.number("start_station_m", self.start_station_m);
         document.number("margin_m", self.margin_m);
-        self.path_spec.write(&mut document);
+        self.path_spec.write(&mut document, "path");
         for marking in &self.markings {
-            marking.write(&mut document);
+            marking.write(&mut document, "markings");
         }
         self.floor.write(&mut document);
         self.light.write(&mut document);
         for thing in &self.things {
             thing.write(&mut document);
+        }
+        if let Some(warehouse) = &self.warehouse {
+            warehouse.write(&mut document);
         }
         document.header("backdrop");
         document.text("horizon", &self.backdrop.horizon.to_string());
@@ -197,6 +219,10 @@ impl World {
     /// lightness) turn from dark to light or from light to dark.
     pub fn with_floor(mut self, name: &str) -> Result<Self, WorldError> {
         self.floor = Floor::preset(name)?;
+        if self.warehouse.is_some() {
+            // Lines lie on streets, not on the floor, and their colour is what tells them.
+            return Ok(self);
+        }
         let floor = self.floor.colour.luminance();
         for marking in &mut self.markings {
             if (marking.colour.luminance() - floor).abs() < 50.0 {
@@ -246,6 +272,7 @@ impl World {
                 .map(|marking| marking.reversed(length_m))
                 .collect(),
             light: self.light.reversed(),
+            warehouse: self.warehouse.map(|warehouse| warehouse.reversed(length_m)),
             ..self
         }
     }
@@ -258,7 +285,35 @@ impl World {
 
     /// The rectangle of floor that is painted: lowest and highest x and y (m).
     pub fn bounds(&self) -> (Vec2, Vec2) {
-        bounds_of(&self.path, &self.markings, self.margin_m)
+        bounds_of(
+            &layers(&self.path, &self.markings, self.warehouse.as_ref()),
+            self.margin_m,
+        )
+    }
+
+    /// Everything that is painted on the floor, what lies below first: surfaces of streets, lines, crossings.
+    pub fn layers(&self) -> Vec<Layer<'_>> {
+        layers(&self.path, &self.markings, self.warehouse.as_ref())
+    }
+
+    /// The same world whose package says something else (things named `package`). `None`: the text does not fit a code.
+    pub fn with_package(mut self, text: &str) -> Option<Self> {
+        let texture = Texture::qr(text)?;
+        for thing in self.things.iter_mut().filter(|thing| thing.name == "package") {
+            thing.texture = texture.clone();
+        }
+        Some(self)
+    }
+
+    /// The same world with its lights elsewhere in their programs: `part` (0 ..= 1) of a cycle later.
+    pub fn with_lights_later(mut self, part: f64) -> Self {
+        for thing in &mut self.things {
+            if let Texture::Light { program, .. } = &mut thing.texture {
+                let cycle_s = program.green_s + program.red_s;
+                program.offset_s = (program.offset_s + part * cycle_s).rem_euclid(cycle_s.max(1e-9));
+            }
+        }
+        self
     }
 
     /// What does not fit between this world and a vehicle: a lane that is narrower than the vehicle, curves that it
@@ -360,17 +415,54 @@ impl World {
     }
 }
 
-fn bounds_of(path: &Curve, markings: &[Marking], margin_m: f64) -> (Vec2, Vec2) {
-    let reach_m = markings
+fn layers<'a>(path: &'a Curve, markings: &'a [Marking], warehouse: Option<&'a Warehouse>) -> Vec<Layer<'a>> {
+    let lines = Layer {
+        path,
+        markings: Cow::Borrowed(markings),
+    };
+    let Some(warehouse) = warehouse else {
+        return vec![lines];
+    };
+    let streets = || warehouse.streets.iter();
+    let surface = |path: &'a Curve| Layer {
+        path,
+        markings: Cow::Owned(vec![warehouse.surface()]),
+    };
+    let mut layers = vec![surface(path)];
+    layers.extend(streets().map(|street| surface(&street.path)));
+    layers.push(lines);
+    layers.extend(streets().map(|street| Layer {
+        path: &street.path,
+        markings: Cow::Borrowed(&street.markings),
+    }));
+    layers.extend(warehouse.places.iter().map(|place| Layer {
+        path: warehouse.street_of(path, place),
+        markings: Cow::Owned(warehouse.bars(place)),
+    }));
+    layers
+}
+
+fn bounds_of(layers: &[Layer], margin_m: f64) -> (Vec2, Vec2) {
+    let one = |layer: &Layer| {
+        let reach_m = layer
+            .markings
+            .iter()
+            .map(|marking| marking.offset_m.abs() + marking.width_m / 2.0)
+            .fold(0.0, f64::max);
+        let around = Vec2::splat(reach_m + margin_m);
+        let points = layer
+            .path
+            .polyline((layer.path.length_m() / 2000.0).clamp(0.01, 1.0));
+        let (low, high) = points.iter().fold((points[0], points[0]), |(low, high), p| {
+            (low.min(*p), high.max(*p))
+        });
+        (low - around, high + around)
+    };
+    let first = one(&layers[0]);
+    layers[1..]
         .iter()
-        .map(|marking| marking.offset_m.abs() + marking.width_m / 2.0)
-        .fold(0.0, f64::max);
-    let around = Vec2::splat(reach_m + margin_m);
-    let points = path.polyline((path.length_m() / 2000.0).clamp(0.01, 1.0));
-    let (low, high) = points.iter().fold((points[0], points[0]), |(low, high), p| {
-        (low.min(*p), high.max(*p))
-    });
-    (low - around, high + around)
+        .map(one)
+        .fold(first, |(low, high), (l, h)| (low.min(l), high.max(h)))
 }
 
 /// A file name without folders and extension.

@@ -54,6 +54,8 @@ impl Default for Optics {
 pub struct Shot {
     /// Pose of the vehicle in the middle of the exposure.
     pub world_from_vehicle: Pose2,
+    /// When (s): what changes with time, such as a pedestrian light, shows how it is then.
+    pub time_s: f64,
     /// Factor on light for R, G, B: 1 shows the painting's colours as they are.
     pub gain: [f64; 3],
     /// Motion during the exposure.
@@ -63,10 +65,11 @@ pub struct Shot {
 }
 
 impl Shot {
-    /// From a pose, with gain 1, no motion and no noise.
+    /// From a pose at time 0, with gain 1, no motion and no noise.
     pub fn still(world_from_vehicle: Pose2) -> Self {
         Self {
             world_from_vehicle,
+            time_s: 0.0,
             gain: [1.0; 3],
             motion: Motion::default(),
             noise: Noise::default(),
@@ -173,13 +176,7 @@ impl Renderer {
             scene.lamps(),
             scene.is_glossy().then(|| scene.backdrop().mirror()),
         );
-        upright::prepare(
-            scene.uprights(),
-            &self.camera,
-            shot.world_from_vehicle,
-            &self.table,
-            &mut self.faces,
-        );
+        upright::prepare(scene.uprights(), &self.camera, shot, &self.table, &mut self.faces);
         let looks_log2 = self.looks_for(&shot.motion);
         let (floor, backdrop) = (floor_looks(scene, shot), backdrop_looks(shot));
         let mut sampler = Sampler {

@@ -1,10 +1,11 @@
 //! Upright textured things: faces drawn over the floor, the farthest first.
 
+use super::Shot;
 use super::kernel::{COLOUR_SCALE, Colours, GROUP};
 use super::rays::RayTable;
 use super::texture::MipTexture;
 use senda_geom::{Camera, Pose2, Vec2, Vec3};
-use senda_world::{Face, Light};
+use senda_world::{Face, Light, LightProgram, Texture};
 
 /// A face with its picture, lit.
 #[derive(Debug, Clone)]
@@ -15,7 +16,10 @@ pub(super) struct Upright {
     normal: Vec3,
     width_m: f64,
     height_m: f64,
-    texture: MipTexture,
+    /// What is on it: one look, or those between which it changes.
+    looks: Vec<MipTexture>,
+    /// When it changes.
+    program: Option<LightProgram>,
     /// Texels a metre, along right and down.
     texels_per_m: [f64; 2],
 }
@@ -32,26 +36,33 @@ impl Upright {
         let count = |side_m: f64| ((side_m / texel_m).round() as usize).clamp(1, MOST_TEXELS as usize);
         let (columns, rows) = (count(face.width_m), count(face.height_m));
         let (step_x, step_y) = (face.width_m / columns as f64, face.height_m / rows as f64);
-        let level = brightness(face.normal, light);
-        let mut texels = Vec::with_capacity(columns * rows);
-        for j in 0..rows {
-            for i in 0..columns {
-                let mut sum = [0.0; 3];
-                for (du, dv) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
-                    let colour = face.texture.colour_at(
-                        (i as f64 + du) * step_x,
-                        (j as f64 + dv) * step_y,
-                        face.width_m,
-                        face.height_m,
-                    );
-                    sum = [0, 1, 2].map(|c| sum[c] + f64::from(colour.rgb[c]) * 0.25);
+        let level = if face.texture.shines() {
+            [1.0; 3]
+        } else {
+            brightness(face.normal, light)
+        };
+        let painted = |texture: &Texture| {
+            let mut texels = Vec::with_capacity(columns * rows);
+            for j in 0..rows {
+                for i in 0..columns {
+                    let mut sum = [0.0; 3];
+                    for (du, dv) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
+                        let colour = texture.colour_at(
+                            (i as f64 + du) * step_x,
+                            (j as f64 + dv) * step_y,
+                            face.width_m,
+                            face.height_m,
+                        );
+                        sum = [0, 1, 2].map(|c| sum[c] + f64::from(colour.rgb[c]) * 0.25);
+                    }
+                    let lit = |c: usize| (sum[c] * level[c]).round().clamp(0.0, 255.0) as u8;
+                    texels.push([lit(0), lit(1), lit(2), 0]);
                 }
-                let lit = |c: usize| (sum[c] * level[c]).round().clamp(0.0, 255.0) as u8;
-                texels.push([lit(0), lit(1), lit(2), 0]);
             }
-        }
-        // Blended at its edges, so what lies outside must not be seen: repeat a colour of its own.
-        let outside = texels[0];
+            // Blended at its edges, so what lies outside must not be seen: repeat a colour of its own.
+            let outside = texels[0];
+            MipTexture::new(columns, rows, &texels, outside)
+        };
         Self {
             corner: face.corner,
             right: face.right,
@@ -59,7 +70,11 @@ impl Upright {
             normal: face.normal,
             width_m: face.width_m,
             height_m: face.height_m,
-            texture: MipTexture::new(columns, rows, &texels, outside),
+            looks: face.texture.looks().iter().map(painted).collect(),
+            program: match face.texture {
+                Texture::Light { program, .. } => Some(program),
+                _ => None,
+            },
             texels_per_m: [1.0 / step_x, 1.0 / step_y],
         }
     }
@@ -85,6 +100,8 @@ fn brightness(normal: Vec3, light: &Light) -> [f64; 3] {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Ready {
     index: usize,
+    /// Which of its looks.
+    look: usize,
     distance_m: f64,
     normal: [f32; 3],
     /// normal · (corner - camera): negative in front of the face.
@@ -103,7 +120,7 @@ pub(super) struct Ready {
 pub(super) fn prepare(
     faces: &[Upright],
     camera: &Camera,
-    world_from_vehicle: Pose2,
+    shot: &Shot,
     table: &RayTable,
     ready: &mut Vec<Ready>,
 ) {
@@ -112,7 +129,7 @@ pub(super) fn prepare(
         return;
     }
     let lens_in_vehicle = camera.mounting.position();
-    let vehicle_from_world = world_from_vehicle.inverse();
+    let vehicle_from_world = shot.world_from_vehicle.inverse();
     let turn = Pose2::new(0.0, 0.0, vehicle_from_world.heading_rad);
     for (index, face) in faces.iter().enumerate() {
         let point = |p: Vec3| {
@@ -141,6 +158,9 @@ pub(super) fn prepare(
         let single = |v: Vec3| [v.x as f32, v.y as f32, v.z as f32];
         ready.push(Ready {
             index,
+            look: face
+                .program
+                .map_or(0, |program| usize::from(program.is_green(shot.time_s))),
             distance_m: (point(face.middle()) - lens_in_vehicle).length(),
             normal: single(normal),
             offset: offset as f32,
@@ -237,7 +257,7 @@ pub(super) fn draw_row(faces: &[Upright], ready: &[Ready], table: &RayTable, v: 
             let texel = size_s.max(size_t) * texels[0].max(texels[1]) * 0.7;
             // Logarithm (base 2) from the exponent's bits: the same everywhere.
             let level = ((texel.max(1.0).to_bits() >> 23) - 127).min(12);
-            let colour = face.texture.look(
+            let colour = face.looks[item.look].look(
                 s.clamp(0.0, width) * texels[0],
                 t.clamp(0.0, height) * texels[1],
                 level,

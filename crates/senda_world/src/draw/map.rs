@@ -100,13 +100,15 @@ fn rectangle(low: Vec2, high: Vec2, colour: Colour) -> Shape {
 }
 
 fn draw_markings(world: &World, place: &Place, shapes: &mut Vec<Shape>) {
-    for marking in &world.markings {
-        for run in marking_lines(&world.path, marking) {
-            shapes.push(Shape::line(
-                run.into_iter().map(|p| place.of(p)).collect(),
-                (marking.width_m * place.mm_per_m).max(0.25),
-                marking.colour,
-            ));
+    for layer in world.layers() {
+        for marking in layer.markings.iter() {
+            for run in marking_lines(layer.path, marking) {
+                shapes.push(Shape::line(
+                    run.into_iter().map(|p| place.of(p)).collect(),
+                    (marking.width_m * place.mm_per_m).max(0.25),
+                    marking.colour,
+                ));
+            }
         }
     }
 }

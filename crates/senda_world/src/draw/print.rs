@@ -4,6 +4,7 @@ use super::lines::marking_lines;
 use super::pdf::{self, Page};
 use super::shape::{Anchor, Shape, to_svg};
 use crate::colour::Colour;
+use crate::marking::Marking;
 use crate::world::World;
 use senda_geom::Vec2;
 use serde::{Deserialize, Serialize};
@@ -93,17 +94,23 @@ impl Print {
         };
         let border_mm = (options.border_m * 1e3).clamp(10.0, 60.0);
         let tile = Vec2::new(width_mm - 2.0 * border_mm, height_mm - 2.0 * border_mm);
-        let runs: Vec<(usize, Vec<Vec2>)> = world
-            .markings
-            .iter()
-            .enumerate()
-            .flat_map(|(number, marking)| {
-                marking_lines(&world.path, marking)
-                    .into_iter()
-                    .map(move |run| (number, run))
-            })
-            .collect();
-        let reach = world.markings.iter().map(|m| m.width_m).fold(0.0, f64::max);
+        // Streets' surfaces are floor, not paint: ink is for lines and crossings.
+        let surface_m = world.warehouse.as_ref().map(|warehouse| warehouse.street_width_m);
+        let mut markings: Vec<Marking> = Vec::new();
+        let mut runs: Vec<(usize, Vec<Vec2>)> = Vec::new();
+        for layer in world.layers() {
+            let paint = layer.markings.iter();
+            for marking in paint.filter(|marking| Some(marking.width_m) != surface_m) {
+                let number = markings.len();
+                runs.extend(
+                    marking_lines(layer.path, marking)
+                        .into_iter()
+                        .map(|run| (number, run)),
+                );
+                markings.push(marking.clone());
+            }
+        }
+        let reach = markings.iter().map(|m| m.width_m).fold(0.0, f64::max);
         let mut points = runs.iter().flat_map(|(_, run)| run).copied();
         let first = points.next()?;
         let (low, high) = points.fold((first, first), |(l, h), p| (l.min(p), h.max(p)));
@@ -118,6 +125,7 @@ impl Print {
         let layout = Layout {
             world,
             options,
+            markings,
             runs,
             // The grid is centred on the circuit.
             corner: (low + high) * 0.5e3 - Vec2::new(tile.x * columns as f64, tile.y * rows as f64) * 0.5,
@@ -191,6 +199,7 @@ impl Print {
 struct Layout<'a> {
     world: &'a World,
     options: &'a PrintOptions,
+    markings: Vec<Marking>,
     /// Marking and points (m).
     runs: Vec<(usize, Vec<Vec2>)>,
     /// Lower left corner of the grid on the floor.
@@ -210,7 +219,7 @@ impl Layout<'_> {
     fn painted(&self) -> Vec<bool> {
         let mut painted = vec![false; self.columns * self.rows];
         for (number, run) in &self.runs {
-            let reach = Vec2::splat(self.world.markings[*number].width_m * 500.0);
+            let reach = Vec2::splat(self.markings[*number].width_m * 500.0);
             for point in run {
                 let (low, high) = (
                     (*point * 1e3 - reach - self.corner) / self.tile,
@@ -262,7 +271,7 @@ impl Layout<'_> {
 
     fn draw_runs(&self, corner: Vec2, onto: &dyn Fn(Vec2) -> Vec2, shapes: &mut Vec<Shape>) {
         for (number, run) in &self.runs {
-            let marking = &self.world.markings[*number];
+            let marking = &self.markings[*number];
             let width_mm = marking.width_m * 1e3;
             let reach = Vec2::splat(width_mm + 12.0);
             let (low, high) = (corner - reach, corner + self.tile + reach);
@@ -350,7 +359,7 @@ impl Layout<'_> {
             let within = Vec2::splat(4.0) + spare * Vec2::new(x, y);
             let low = self.tile_corner(column, row) + within;
             let taken = self.runs.iter().any(|(number, run)| {
-                let reach = Vec2::splat(self.world.markings[*number].width_m * 500.0 + 1.0);
+                let reach = Vec2::splat(self.markings[*number].width_m * 500.0 + 1.0);
                 run.iter().any(|p| {
                     let at = *p * 1e3;
                     at.cmpge(low - reach).all() && at.cmple(low + size + reach).all()

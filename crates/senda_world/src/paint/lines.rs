@@ -4,7 +4,7 @@ use super::FloorPainting;
 use super::material::blend;
 use super::noise::{clouds, hash, smooth, unit, value};
 use crate::marking::Marking;
-use crate::world::World;
+use crate::world::{Layer, World};
 use senda_geom::Vec2;
 
 /// Nodes along the path stand this far apart (m), or two texels where texels are large.
@@ -20,15 +20,22 @@ struct Node {
 
 /// Paints all markings onto a floor that has no light on it yet.
 pub(super) fn paint_markings(world: &World, painting: &mut FloorPainting) {
-    if world.markings.is_empty() {
+    for layer in world.layers() {
+        paint_layer(&layer, world.floor.seed, painting);
+    }
+}
+
+fn paint_layer(layer: &Layer, floor_seed: u64, painting: &mut FloorPainting) {
+    if layer.markings.is_empty() {
         return;
     }
-    let length_m = world.path.length_m();
+    let path = layer.path;
+    let length_m = path.length_m();
     let spacing_m = NODE_M.max(2.0 * painting.metres_per_texel);
     let steps = (length_m / spacing_m).ceil().max(1.0) as usize;
     let node = |i: usize| {
         let station_m = length_m * i as f64 / steps as f64;
-        let pose = world.path.pose_at(station_m);
+        let pose = path.pose_at(station_m);
         Node {
             station_m,
             position: pose.position(),
@@ -40,10 +47,10 @@ pub(super) fn paint_markings(world: &World, painting: &mut FloorPainting) {
     // The last node closes the loop exactly; its station is the length, not 0.
     nodes.push(Node {
         station_m: length_m,
-        ..node(if world.path.is_closed() { 0 } else { steps })
+        ..node(if path.is_closed() { 0 } else { steps })
     });
-    for (number, marking) in world.markings.iter().enumerate() {
-        let seed = hash(number as i32, 0, world.floor.seed as u32 ^ 0x5EED);
+    for (number, marking) in layer.markings.iter().enumerate() {
+        let seed = hash(number as i32, 0, floor_seed as u32 ^ 0x5EED);
         for pair in nodes.windows(2) {
             paint_piece(marking, seed, &pair[0], &pair[1], painting);
         }

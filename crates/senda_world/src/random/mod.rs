@@ -9,7 +9,7 @@ use crate::floor::FLOOR_PRESETS;
 use crate::light::{LIGHT_PRESETS, Light};
 use crate::world::{Backdrop, World};
 use circuit::circuit;
-use dice::Dice;
+pub(crate) use dice::Dice;
 use scenery::{choose_floor, choose_light, choose_markings, choose_thing};
 use serde::{Deserialize, Serialize};
 
@@ -181,6 +181,7 @@ impl World {
                 zenith: dice.vary(Colour::new(205, 203, 200), 30.0),
             },
             margin_m: 0.8,
+            warehouse: None,
             path,
             path_spec,
         };

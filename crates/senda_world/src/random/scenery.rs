@@ -6,7 +6,8 @@ use crate::colour::Colour;
 use crate::floor::{Floor, FloorKind};
 use crate::light::{Lamp, Light, LightChange, Shadows};
 use crate::marking::{Dash, Marking};
-use crate::thing::{Texture, Thing, ThingShape};
+use crate::texture::Texture;
+use crate::thing::{Thing, ThingShape};
 use senda_geom::{Curve, Pose2, Vec2};
 use std::f64::consts::PI;
 

@@ -226,7 +226,12 @@ pub struct Battery {
     pub sag_v: f64,
     /// Standard deviation of a measurement (V).
     pub noise_v: f64,
+    /// What a converter makes of it for the motors (V); `None`: they are fed by the battery itself.
+    pub regulated_v: Option<f64>,
 }
+
+/// A step-down converter needs this much more than it gives (V; document D's data sheet).
+const CONVERTER_V: f64 = 1.0;
 
 impl Battery {
     pub(super) fn read(mut table: Table) -> Result<Self, WorldError> {
@@ -237,6 +242,7 @@ impl Battery {
             drain_vps: table.f64("drain_vps", 0.0, 10.0, 0.0)?,
             sag_v: table.f64("sag_v", 0.0, 100.0, 0.0)?,
             noise_v: table.f64("noise_v", 0.0, 10.0, 0.0)?,
+            regulated_v: table.optional_f64("regulated_v", 0.1, 1000.0)?,
         };
         table.finish()?;
         Ok(battery)
@@ -249,5 +255,15 @@ impl Battery {
         document.number("drain_vps", self.drain_vps);
         document.number("sag_v", self.sag_v);
         document.number("noise_v", self.noise_v);
+        if let Some(regulated_v) = self.regulated_v {
+            document.number("regulated_v", regulated_v);
+        }
+    }
+
+    /// What the motors are fed with (V) while the battery has `battery_v`.
+    pub fn supply_v(&self, battery_v: f64) -> f64 {
+        self.regulated_v.map_or(battery_v, |regulated_v| {
+            regulated_v.min(battery_v - CONVERTER_V).max(0.0)
+        })
     }
 }
