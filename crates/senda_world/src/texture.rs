@@ -1,6 +1,6 @@
 //! What is painted on things: colours, patterns, pictures, and pictures made from what they say (codes, signs, lights).
 
-use crate::colour::Colour;
+use crate::colour::{Colour, ReadColour};
 use crate::error::WorldError;
 use crate::pictures::{self, LightProgram};
 use crate::reader::Table;

@@ -4,7 +4,7 @@ mod layout;
 
 pub use layout::WarehouseLayout;
 
-use crate::colour::Colour;
+use crate::colour::{Colour, ReadColour};
 use crate::error::{Warning, WorldError};
 use crate::marking::Marking;
 use crate::path::{FAR_M, PathSpec};
