@@ -26,6 +26,7 @@ pub const TARGETS: &[(&str, fn(&[u8]))] = &[
     ("edits", edits),
     ("recording", recording),
     ("image", image),
+    ("waypoints", waypoints),
     ("network", network),
     ("model", model),
     ("onnx", onnx),
@@ -46,6 +47,18 @@ pub fn world(bytes: &[u8]) {
         let (low, high) = world.bounds();
         paint::paint(&world, ((high - low).max_element() / 40.0).max(0.01));
         let _ = world.reversed();
+    }
+}
+
+/// Way points of a lap. What is accepted is a world that is written so that it is read as the same lap.
+pub fn waypoints(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    if let Ok((world, _)) = World::from_waypoints("points.csv", &text, 1.0, 1) {
+        let written = world.to_toml();
+        match World::parse("written.toml", &written) {
+            Ok((again, _)) => assert_eq!(again, world, "{written}"),
+            Err(error) => panic!("what was written is refused: {error}\n{written}"),
+        }
     }
 }
 

@@ -14,6 +14,10 @@ use std::sync::OnceLock;
 pub fn seeds(target: &str) -> Vec<(String, Vec<u8>)> {
     match target {
         "world" => files(&root().join("worlds")),
+        "waypoints" => vec![
+            ("lap".into(), b"x,y\n140,0\n100,80\n0,100\n-100,70\n-140,0\n-90,-80\n10,-100\n110,-70\n".to_vec()),
+            ("mixed".into(), b"140;0\n140;0\n0 100\n-140\t0\n0,-1e2\n140;0\n".to_vec()),
+        ],
         "vehicle" => files(&root().join("vehicles")),
         "calibration" => vec![
             ("homography".into(), calibration(false)),

@@ -260,6 +260,23 @@ fn worlds_are_drawn_made_and_printed() {
     senda(&["world", "random", "--seed", "3", "--out", text(&at("made.toml"))]).success();
     senda(&["world", "check", text(&at("made.toml"))]).success();
     senda(&["world", "print", "oval", "--out", text(&at("oval.pdf"))]).success();
+    // A road lap through way points, and what is wrong with a file of them.
+    let points = "140,0\n100,80\n0,100\n-100,70\n-140,0\n-90,-80\n10,-100\n110,-70\n";
+    std::fs::write(at("points.csv"), points).unwrap();
+    let (points, lap) = (at("points.csv"), at("lap.toml"));
+    senda(&["world", "from-waypoints", text(&points), "-o", text(&lap)]).success();
+    senda(&["world", "check", "--vehicle", "sedan", text(&lap)]).success();
+    senda(&[
+        "world",
+        "from-waypoints",
+        text(&points),
+        "--scale",
+        "0.001",
+        "-o",
+        text(&lap),
+    ])
+    .failure()
+    .stderr(predicates::str::contains("--scale"));
     assert!(std::fs::read(at("oval.pdf")).unwrap().starts_with(b"%PDF"));
     assert!(std::fs::read(at("oval.png")).unwrap().starts_with(b"\x89PNG"));
 }

@@ -62,7 +62,7 @@ impl ExpertOptions {
     }
 }
 
-/// How far along the path the vehicle may have moved between two steps (m): the projection looks no further, so on a
+/// How far along the path the vehicle may have moved between two steps (m), unless its speed says more: the projection looks no further, so on a
 /// path that crosses itself it stays on the right branch.
 const WINDOW_M: f64 = 0.4;
 
@@ -173,7 +173,10 @@ impl PrivilegedDriver for ExpertDriver {
         let pose = truth.world_from_vehicle.compose(model.motion.predict(ahead_s));
         let position = pose.position();
         let place = match self.station_m {
-            Some(station_m) => self.path.project_near(position, station_m, WINDOW_M),
+            Some(station_m) => {
+                let moved_m = 2.0 * truth.speed_mps.abs() * dt_s;
+                self.path.project_near(position, station_m, WINDOW_M.max(moved_m))
+            }
             None => self.path.project(position),
         };
         self.station_m = Some(place.station_m);

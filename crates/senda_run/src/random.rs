@@ -4,7 +4,7 @@ use crate::RunError;
 use senda_world::{Colour, Difficulty, Kind, World};
 
 /// The families of random worlds, with what each is for.
-pub const FAMILIES: [(&str, &str); 8] = [
+pub const FAMILIES: [(&str, &str); 9] = [
     (
         "random-line",
         "one black or white line on a floor as in document C: plain or speckled, matt or glossy",
@@ -37,7 +37,14 @@ pub const FAMILIES: [(&str, &str); 8] = [
         "random-warehouse-any",
         "a warehouse of three to six depots in any order, with further lights",
     ),
+    (
+        ROAD,
+        "a road lap of about a kilometre in open land, for the car (document B)",
+    ),
 ];
+
+/// The family of roads: made by another generator than the floors of rooms, with no difficulty to choose.
+pub const ROAD: &str = "random-road";
 
 /// Floors like those of document C: glossy, speckled, irregular.
 const DOCUMENT_C_FLOORS: [&str; 8] = [
@@ -59,6 +66,9 @@ pub fn world(name: &str) -> Result<Option<World>, RunError> {
     if let Some(any) = warehouse(family) {
         return Ok(Some(World::random_warehouse(parse_seed(name, seed)?, any)));
     }
+    if family == ROAD {
+        return Ok(Some(World::random_road(parse_seed(name, seed)?)));
+    }
     let Some(difficulty) = difficulty(family) else {
         return Ok(None);
     };
@@ -75,7 +85,7 @@ fn warehouse(family: &str) -> Option<bool> {
     }
 }
 
-/// The difficulty of a family of circuits.
+/// The difficulty of a family of floors; `None` for the others and unknown names.
 pub fn difficulty(family: &str) -> Option<Difficulty> {
     let any_line = Difficulty::default();
     // Narrow enough for a camera 54° wide to see both lines: twice C8's half vehicle's width and a little more.

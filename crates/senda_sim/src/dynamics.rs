@@ -1,7 +1,7 @@
 //! From commands to motion: actuators, wheels, battery, in fixed steps.
 
 use crate::random::{Random, Source};
-use senda_core::{Body, Command, Steering, Wheels};
+use senda_core::{Body, Command, Drive, Steering, Wheels};
 use senda_geom::{Pose2, trig};
 use senda_world::{Tyres, VehicleSpec};
 use std::collections::VecDeque;
@@ -215,9 +215,20 @@ impl Dynamics {
                 steer(&self.spec, state, wanted_rad, self.steering_decay, step_s);
                 let angle_rad = (state.linkage_rad + self.lasting.steering_rad).clamp(-1.4, 1.4);
                 state.steering_rad = angle_rad;
-                let target = driven(&self.spec, state, wanted_mps) * self.lasting.wheels[0];
                 let axle_mps = 0.5 * (state.wheels_mps[0] + state.wheels_mps[1]);
-                let axle_mps = approach(axle_mps, target, self.speed_decay, limit);
+                let axle_mps = match &self.spec.engine {
+                    None => {
+                        let target = driven(&self.spec, state, wanted_mps) * self.lasting.wheels[0];
+                        approach(axle_mps, target, self.speed_decay, limit)
+                    }
+                    Some(engine) => {
+                        let throttle = match self.command.drive {
+                            Drive::Throttle(throttle) => throttle,
+                            Drive::SpeedMps(_) => engine.throttle_for(wanted_mps, axle_mps),
+                        };
+                        engine.speed_after(throttle, axle_mps, limit_mps, step_s)
+                    }
+                };
                 let slip = 0.5 * (state.slip[0] + state.slip[1]);
                 state.speed_mps = axle_mps * (1.0 - slip);
                 let curvature_per_m = trig::tan(angle_rad) / wheelbase_m;

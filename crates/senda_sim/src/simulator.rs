@@ -271,8 +271,10 @@ impl Vehicle for Simulator {
 
 /// Station of a point near where it was a moment ago; anywhere when it is far from there.
 fn nearest(world: &World, point: Vec2, station_m: f64) -> f64 {
-    let place = world.path.project_near(point, station_m, 0.6);
-    if place.offset_m.abs() < 0.5 {
+    // A road is wider than a taped lane, and what drives on it moves further between two looks.
+    let around_m = 0.5f64.max(world.corridor_half_width_m);
+    let place = world.path.project_near(point, station_m, 0.1 + around_m);
+    if place.offset_m.abs() < around_m {
         return place.station_m;
     }
     world.path.project(point).station_m

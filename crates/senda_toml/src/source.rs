@@ -29,6 +29,11 @@ impl<'a, E: From<Box<Problem>>> Source<'a, E> {
         self.name
     }
 
+    /// The text.
+    pub fn text(&self) -> &'a str {
+        self.text
+    }
+
     /// The line (from 1) of a byte.
     fn line(&self, at: usize) -> usize {
         1 + self.text.as_bytes()[..at.min(self.text.len())]

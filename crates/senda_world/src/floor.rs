@@ -37,9 +37,11 @@ pub enum FloorKind {
     Tiles,
     /// Loops of yarn.
     Carpet,
+    /// Open ground with tufts and bald places, seen from a road.
+    Grass,
 }
 
-pub(crate) const KINDS: [&str; 5] = ["plain", "speckled", "wood", "tiles", "carpet"];
+pub(crate) const KINDS: [&str; 6] = ["plain", "speckled", "wood", "tiles", "carpet", "grass"];
 
 impl FloorKind {
     /// Its name in files.
@@ -50,6 +52,7 @@ impl FloorKind {
             Self::Wood => "wood",
             Self::Tiles => "tiles",
             Self::Carpet => "carpet",
+            Self::Grass => "grass",
         }
     }
 
@@ -59,6 +62,7 @@ impl FloorKind {
             "wood" => Self::Wood,
             "tiles" => Self::Tiles,
             "carpet" => Self::Carpet,
+            "grass" => Self::Grass,
             _ => Self::Plain,
         }
     }
@@ -118,6 +122,13 @@ impl Floor {
                 Colour::new(112, 116, 126),
                 Colour::new(72, 76, 86),
                 0.004,
+                0.6,
+                0.0,
+            ),
+            FloorKind::Grass => (
+                Colour::new(118, 128, 74),
+                Colour::new(164, 152, 96),
+                9.0,
                 0.6,
                 0.0,
             ),

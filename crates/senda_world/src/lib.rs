@@ -23,6 +23,7 @@ mod colour;
 pub mod draw;
 mod error;
 mod floor;
+mod landscape;
 mod library;
 mod light;
 mod marking;
@@ -35,12 +36,14 @@ mod texture;
 mod thing;
 mod vehicle;
 mod warehouse;
+mod waypoints;
 mod world;
 mod writer;
 
 pub use colour::Colour;
 pub use error::{Problem, Warning, WorldError};
 pub use floor::{FLOOR_PRESETS, Floor, FloorKind};
+pub use landscape::{Area, Landscape, Tree, Wall, Wood};
 pub use light::{LIGHT_PRESETS, Lamp, Light, LightChange, Shadows};
 pub use marking::{Dash, Marking};
 pub use paint::FloorPainting;
@@ -50,7 +53,8 @@ pub use random::{Difficulty, Kind, Tone};
 pub use texture::{Cells, Texture};
 pub use thing::{Face, Thing, ThingShape};
 pub use vehicle::{
-    Battery, CameraSpec, DriveTrain, Encoders, Exposure, ImageNoise, Motor, Tyres, VehicleSpec, Wheels,
+    Battery, CameraSpec, DriveTrain, Encoders, Engine, Exposure, ImageNoise, Motor, Tyres, VehicleSpec,
+    Wheels,
 };
 pub use warehouse::{Place, PlaceKind, Street, Warehouse, WarehouseLayout};
 pub use world::{Backdrop, Layer, World};

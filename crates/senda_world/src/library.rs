@@ -15,11 +15,12 @@ const WORLDS: &[(&str, &str)] = files!(
     "worlds": "straight", "straight-lane", "oval", "oval-lane", "s-curves", "s-curves-lane", "hard-curves",
     "hard-curves-lane", "circuit-1", "circuit-2", "circuit-3", "circuit-4", "circuit-5", "circuit-6", "unseen-1",
     "unseen-2", "unseen-3", "unseen-4", "warehouse", "warehouse-2", "warehouse-3",
+    "lake", "meadow", "heath", "forest",
 );
 
 /// Name and text of every vehicle.
 const VEHICLES: &[(&str, &str)] = files!(
-    "vehicles": "gopigo", "picar", "donkeycar", "unicycle", "warehouse-cart",
+    "vehicles": "gopigo", "picar", "donkeycar", "unicycle", "warehouse-cart", "sedan",
 );
 
 fn find(

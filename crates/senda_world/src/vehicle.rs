@@ -2,10 +2,12 @@
 
 mod camera;
 mod drive;
+mod engine;
 mod tyres;
 
 pub use camera::{CameraSpec, Exposure, ImageNoise};
 pub use drive::{Battery, DriveTrain, Encoders, Motor, Wheels};
+pub use engine::Engine;
 pub use tyres::Tyres;
 
 use crate::error::{Warning, WorldError};
@@ -44,6 +46,8 @@ pub struct VehicleSpec {
     pub wheels: Wheels,
     /// Tyres that slide, on a front-steered vehicle; `None`: it rolls without slipping.
     pub tyres: Option<Tyres>,
+    /// Engine and brakes, on a front-steered vehicle that is driven by throttle; `None`: it obeys in m/s.
+    pub engine: Option<Engine>,
     /// Encoders on the driven wheels; `None`: it has none.
     pub encoders: Option<Encoders>,
     /// Relation of motor value, wheel speed and voltage; `None`: ideal motors that obey in m/s.
@@ -139,6 +143,18 @@ impl VehicleSpec {
             }
             (None, _) => None,
         };
+        let engine = match (table.optional_table("engine")?, &steering) {
+            (Some(engine), Steering::Ackermann { .. }) => Some(Engine::read(engine)?),
+            (Some(_), Steering::Differential { .. }) => {
+                return Err(table.problem(
+                    "engine",
+                    "an engine on a front-steered vehicle",
+                    "a differential one",
+                    "remove the table: a differential vehicle's wheels are driven one by one",
+                ));
+            }
+            (None, _) => None,
+        };
         let encoders = table
             .optional_table("encoders")?
             .map(Encoders::read)
@@ -180,6 +196,7 @@ impl VehicleSpec {
             drive,
             wheels,
             tyres,
+            engine,
             encoders,
             motor,
             battery,
@@ -220,6 +237,9 @@ impl VehicleSpec {
         if let Some(tyres) = &self.tyres {
             tyres.write(&mut document);
         }
+        if let Some(engine) = &self.engine {
+            engine.write(&mut document);
+        }
         if let Some(encoders) = &self.encoders {
             encoders.write(&mut document);
         }
@@ -258,6 +278,13 @@ impl VehicleSpec {
         for camera in &mut self.cameras {
             camera.camera = camera.camera.resized(width_px, height_px);
         }
+        self
+    }
+
+    /// The same vehicle with another top speed (m/s).
+    pub fn with_top_speed(mut self, speed_limit_mps: f64) -> Self {
+        self.yaw_rate_limit_radps *= speed_limit_mps / self.speed_limit_mps;
+        self.speed_limit_mps = speed_limit_mps;
         self
     }
 

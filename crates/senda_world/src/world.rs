@@ -2,7 +2,8 @@
 
 use crate::colour::{Colour, ReadColour};
 use crate::error::{Warning, WorldError};
-use crate::floor::Floor;
+use crate::floor::{Floor, FloorKind};
+use crate::landscape::Landscape;
 use crate::light::Light;
 use crate::marking::Marking;
 use crate::path::{self, FAR_M, PathSpec};
@@ -47,12 +48,17 @@ pub struct World {
     pub light: Light,
     /// Upright things.
     pub things: Vec<Thing>,
+    /// Open land: areas, woods and walls; empty in rooms.
+    pub landscape: Landscape,
     /// What is seen beyond the floor.
     pub backdrop: Backdrop,
     /// Painted floor around the path's outermost markings (m).
     pub margin_m: f64,
     /// Streets beside the path and places to stop at; `None`: there is only the path.
     pub warehouse: Option<Warehouse>,
+    /// Finest texel worth painting (m), however near a camera comes: a road of a kilometre needs no millimetres, and has
+    /// no memory for them. 0: as fine as the cameras see.
+    pub texel_m: f64,
 }
 
 /// Paint along one curve.
@@ -71,6 +77,8 @@ pub struct Backdrop {
     pub horizon: Colour,
     /// Colour straight above.
     pub zenith: Colour,
+    /// Colour of hills along the horizon, under an open sky; `None`: a room with walls and windows.
+    pub hills: Option<Colour>,
 }
 
 impl Default for Backdrop {
@@ -78,6 +86,7 @@ impl Default for Backdrop {
         Self {
             horizon: Colour::new(150, 146, 140),
             zenith: Colour::new(206, 204, 200),
+            hills: None,
         }
     }
 }
@@ -121,6 +130,7 @@ impl World {
         )?;
         let start_station_m = table.f64("start_station_m", 0.0, FAR_M, 0.0)?;
         let margin_m = table.f64("margin_m", 0.0, 100.0, MARGIN_M)?;
+        let texel_m = table.f64("texel_m", 0.0, 1.0, 0.0)?;
         let path_table = table.optional_table("path")?;
         let path_table = path_table.ok_or_else(|| table.missing("path", "a table with pieces or points"))?;
         let (path_spec, path, mut warnings) = PathSpec::read(path_table)?;
@@ -153,12 +163,14 @@ impl World {
         for item in table.tables_at_most("things", 256)? {
             things.push(Thing::read(item, &path)?);
         }
+        let landscape = Landscape::read(table, &path)?;
         let backdrop = match table.optional_table("backdrop")? {
             Some(mut backdrop) => {
                 let usual = Backdrop::default();
                 let read = Backdrop {
                     horizon: backdrop.colour("horizon", usual.horizon)?,
                     zenith: backdrop.colour("zenith", usual.zenith)?,
+                    hills: backdrop.optional_colour("hills")?,
                 };
                 backdrop.finish()?;
                 read
@@ -177,9 +189,11 @@ impl World {
             floor,
             light,
             things,
+            landscape,
             backdrop,
             margin_m,
             warehouse,
+            texel_m,
         };
         Ok((world, warnings))
     }
@@ -197,6 +211,10 @@ impl World {
         document.number("corridor_half_width_m", self.corridor_half_width_m);
         document.number("start_station_m", self.start_station_m);
         document.number("margin_m", self.margin_m);
+        // Left out where it says nothing: what older worlds resolve to does not change.
+        if self.texel_m > 0.0 {
+            document.number("texel_m", self.texel_m);
+        }
         self.path_spec.write(&mut document, "path");
         for marking in &self.markings {
             marking.write(&mut document, "markings");
@@ -209,9 +227,13 @@ impl World {
         if let Some(warehouse) = &self.warehouse {
             warehouse.write(&mut document);
         }
+        self.landscape.write(&mut document);
         document.header("backdrop");
         document.text("horizon", &self.backdrop.horizon.to_string());
         document.text("zenith", &self.backdrop.zenith.to_string());
+        if let Some(hills) = self.backdrop.hills {
+            document.text("hills", &hills.to_string());
+        }
         document.finish()
     }
 
@@ -273,6 +295,7 @@ impl World {
                 .collect(),
             light: self.light.reversed(),
             warehouse: self.warehouse.map(|warehouse| warehouse.reversed(length_m)),
+            landscape: self.landscape.reversed(length_m),
             ..self
         }
     }
@@ -387,7 +410,7 @@ impl World {
         }
         let (low, high) = self.bounds();
         let finest_m = crate::paint::finest_texel_m(high - low);
-        if finest_m > 0.002 {
+        if finest_m > self.texel_m.max(0.002) {
             warnings.push(table.warning(
                 "path",
                 format!(
@@ -404,7 +427,9 @@ impl World {
             {
                 warnings.push(table.warning("markings", format!("marking {index} ends beyond the path")));
             }
-            if (marking.colour.luminance() - self.floor.colour.luminance()).abs() < 12.0 {
+            // In open land paint lies over paint, and verges are meant to be like the ground.
+            let bare_floor = self.landscape.is_empty() && self.floor.kind != FloorKind::Grass;
+            if bare_floor && (marking.colour.luminance() - self.floor.colour.luminance()).abs() < 12.0 {
                 warnings.push(table.warning(
                     "markings",
                     format!("marking {index} is nearly as light as the floor: it will be hard to see"),

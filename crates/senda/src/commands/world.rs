@@ -52,7 +52,7 @@ enum What {
         /// Seed
         #[arg(long, default_value_t = 1)]
         seed: u64,
-        /// Family: random-line, random-lane or random-circuit
+        /// Family: random-line, random-lane, random-circuit or random-road
         #[arg(long, default_value = "random-line")]
         family: String,
         /// Tightest curve (m)
@@ -63,6 +63,23 @@ enum What {
         length: Option<Vec<f64>>,
         /// Where to write it
         #[arg(long, value_name = "FILE")]
+        out: PathBuf,
+    },
+    /// Make a road lap from way points: one x,y a line, metres, in driving order
+    FromWaypoints {
+        /// Text file (CSV) with the way points of one lap
+        file: PathBuf,
+        /// Metres in the file's unit: 1000 for kilometres, 0.001 for millimetres
+        #[arg(long, default_value_t = 1.0, value_name = "M")]
+        scale: f64,
+        /// Drive against the order of the points
+        #[arg(long)]
+        reverse: bool,
+        /// Seed of what lies beside the road: water, trees, dirt, kerbs' places
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// Where to write the world
+        #[arg(short, long, value_name = "FILE")]
         out: PathBuf,
     },
     /// Print a world at true scale, to tape it on a floor
@@ -127,6 +144,14 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             length,
             out,
         } => {
+            if family == random::ROAD {
+                if min_radius.is_some() || length.is_some() {
+                    bail!(
+                        "--min-radius, --length: expected another family, for roads have their own measures"
+                    );
+                }
+                return write_world(&World::random_road(seed), &out);
+            }
             let Some(mut difficulty) = random::difficulty(&family) else {
                 let known: Vec<&str> = random::FAMILIES.iter().map(|(name, _)| *name).collect();
                 bail!("--family {family}: expected one of {}", known.join(", "));
@@ -138,10 +163,26 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 };
                 difficulty.length_m = [*least, *most];
             }
-            let world = World::random(seed, &difficulty);
-            write_file(&out, world.to_toml().as_bytes())?;
-            println!("{}: {:.2} m", out.display(), world.path.length_m());
-            Ok(())
+            write_world(&World::random(seed, &difficulty), &out)
+        }
+        What::FromWaypoints {
+            file,
+            scale,
+            reverse,
+            seed,
+            out,
+        } => {
+            if !(scale.is_finite() && scale > 0.0) {
+                bail!("--scale {scale}: expected metres in the file's unit, above 0");
+            }
+            let bytes = std::fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
+            // What is not text is refused as a line that holds no numbers, with its place.
+            let text = String::from_utf8_lossy(&bytes);
+            let (world, warnings) = World::from_waypoints(&file.display().to_string(), &text, scale, seed)?;
+            for warning in warnings {
+                eprintln!("warning: {warning}");
+            }
+            write_world(&if reverse { world.reversed() } else { world }, &out)
         }
         What::Print {
             world,
@@ -184,6 +225,12 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             Ok(())
         }
     }
+}
+
+fn write_world(world: &World, out: &Path) -> Result<()> {
+    write_file(out, world.to_toml().as_bytes())?;
+    println!("{}: {:.2} m", out.display(), world.path.length_m());
+    Ok(())
 }
 
 fn list() {

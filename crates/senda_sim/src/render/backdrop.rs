@@ -1,4 +1,4 @@
-//! What lies above the horizon: a plain room with windows, far away.
+//! What lies above the horizon: a plain room with windows, or hills under the sky; far away.
 
 use super::kernel::STEPS_PER_TEXEL;
 use super::texture::MipTexture;
@@ -34,6 +34,8 @@ pub struct Room {
     pub window: f64,
     /// Colour of the light (linear, 0..=1 a channel).
     pub light: [f64; 3],
+    /// Colour of hills (linear): then `wall` is the sky at the horizon, `ceiling` the sky above, and there is no room.
+    pub hills: Option<[f64; 3]>,
 }
 
 /// Half the sides of the room (m). A guess: a lecture hall.
@@ -212,6 +214,9 @@ impl<'a> Lit<'a> {
     /// Light from the direction with cosine and sine of the azimuth and the slope (tangent of the elevation), relative
     /// to a white floor in full light, linear.
     fn radiance(&self, cos: f64, sin: f64, slope: f64) -> [f64; 3] {
+        if let Some(hills) = self.room.hills {
+            return open_land(self.room, hills, cos, sin, slope);
+        }
         let (to_x, to_y) = (
             HALF_LENGTH_M / cos.abs().max(1e-9),
             HALF_WIDTH_M / sin.abs().max(1e-9),
@@ -258,6 +263,55 @@ impl<'a> Lit<'a> {
     }
 }
 
+/// Light from open land: sky, clouds low above the horizon, and two rows of hills, the farther one hazy.
+fn open_land(room: &Room, hills: [f64; 3], cos: f64, sin: f64, slope: f64) -> [f64; 3] {
+    let mix = |a: [f64; 3], b: [f64; 3], part: f64| [0, 1, 2].map(|c| a[c] + (b[c] - a[c]) * part);
+    let (far, near) = (
+        0.055
+            + 0.030
+                * wave(
+                    cos,
+                    sin,
+                    &[(3, 0.4, 0.2), (5, 0.5, 1.0), (11, 0.25, 4.0), (23, 0.12, 2.2)],
+                ),
+        0.018
+            + 0.030
+                * wave(
+                    cos,
+                    sin,
+                    &[(2, 0.7, 3.1), (7, 0.4, 0.7), (13, 0.2, 5.0), (29, 0.12, 1.3)],
+                ),
+    );
+    if slope < near {
+        // Meadows and woods alternate.
+        let shade = 0.85 + 0.25 * wave(cos, sin, &[(17, 0.6, 0.3), (41, 0.4, 2.0)]);
+        return hills.map(|c| c * shade);
+    }
+    if slope < far {
+        return mix(hills, room.wall, 0.5);
+    }
+    let sky = mix(room.wall, room.ceiling, slope / (slope + 0.25));
+    let cloud =
+        wave(cos, sin, &[(4, 0.5, 2.0), (9, 0.4, 5.0), (21, 0.3, 1.0)]) - ((slope - 0.32) / 0.12).abs() - 0.1;
+    mix(sky, [1.0; 3], cloud.clamp(0.0, 0.5))
+}
+
+/// A sum of waves around the horizon (waves a turn, strength, phase in rad), each from -1 to 1, by powers of the
+/// direction as a complex number: no angles, no functions that differ between machines.
+fn wave(cos: f64, sin: f64, waves: &[(u32, f64, f64)]) -> f64 {
+    let mut sum = 0.0;
+    let (mut power, mut x, mut y) = (0, 1.0, 0.0);
+    for &(turns, strength, phase_rad) in waves {
+        while power < turns {
+            (x, y) = (x * cos - y * sin, x * sin + y * cos);
+            power += 1;
+        }
+        let (phase_sin, phase_cos) = trig::sincos(phase_rad);
+        sum += strength * (x * phase_cos - y * phase_sin);
+    }
+    sum
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -270,6 +324,7 @@ mod tests {
             window_rad: 0.0,
             window: 4.0,
             light: [1.0; 3],
+            hills: None,
         };
         let mirror = Mirror::new(&Lit::new(&room));
         let row = Mirror::row(0.26);

@@ -11,6 +11,7 @@ mod noise;
 mod rays;
 mod scene;
 mod texture;
+mod tree;
 mod upright;
 
 pub use backdrop::{Backdrop, Room};

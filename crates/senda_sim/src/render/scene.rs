@@ -3,7 +3,7 @@
 use super::backdrop::{Backdrop, Room};
 use super::light::MirroredLamp;
 use super::texture::MipTexture;
-use super::upright::Upright;
+use super::upright::{self, Upright};
 use senda_geom::Vec2;
 use senda_world::{FloorPainting, World, paint};
 
@@ -57,7 +57,9 @@ impl Scene {
                 0.0
             },
             light: colour(light.colour.rgb),
+            hills: world.backdrop.hills.map(|hills| colour(hills.rgb)),
         };
+        let landscape = &world.landscape;
         let glossy = painting.outside[3] > 0 || painting.texels.iter().any(|texel| texel[3] > 0);
         Self {
             ground: MipTexture::new(
@@ -75,7 +77,19 @@ impl Scene {
                 .things
                 .iter()
                 .flat_map(|thing| thing.faces())
-                .map(|face| Upright::new(&face, light))
+                .map(|face| Upright::new(&face, upright::MOST_TEXELS, light))
+                .chain(
+                    landscape
+                        .wall_faces(&world.path)
+                        .iter()
+                        .map(|face| Upright::new(face, upright::WALL_TEXELS, light)),
+                )
+                .chain(
+                    landscape
+                        .trees(&world.path)
+                        .iter()
+                        .map(|tree| Upright::of_tree(tree, light)),
+                )
                 .collect(),
         }
     }

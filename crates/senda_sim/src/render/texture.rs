@@ -104,8 +104,8 @@ impl MipTexture {
         Texels::new(&self.texels, &self.layouts)
     }
 
-    /// The colour at a place given in texels of level 0 from the outer corner of texel (0, 0): R, G, B times 127.
-    pub(super) fn look(&self, x: f32, y: f32, level: u32) -> [i32; 3] {
+    /// The texel at a place given in texels of level 0 from the outer corner of texel (0, 0): R, G, B, A times 127.
+    pub(super) fn look(&self, x: f32, y: f32, level: u32) -> [i32; 4] {
         let level = (level as usize).min(self.levels - 1);
         let layout = &self.layouts[level];
         let shrink = 128.0 / (1u32 << level) as f32;
@@ -118,7 +118,7 @@ impl MipTexture {
             self.texels[index + 1].to_le_bytes(),
         );
         let row = |at: usize, c: usize| i32::from(left[at + c]) * (127 - fx) + i32::from(right[at + c]) * fx;
-        [0, 1, 2].map(|c| (row(0, c) * (128 - fy) + row(4, c) * fy) >> 7)
+        [0, 1, 2, 3].map(|c| (row(0, c) * (128 - fy) + row(4, c) * fy) >> 7)
     }
 }
 
@@ -236,17 +236,17 @@ mod tests {
         let texture = MipTexture::new(13, 7, &[[10, 20, 30, 255]; 91], [10, 20, 30, 255]);
         assert_eq!(texture.levels(), 5);
         for level in 0..5 {
-            assert_eq!(texture.look(6.0, 3.0, level), [1270, 2540, 3810]);
+            assert_eq!(texture.look(6.0, 3.0, level)[..3], [1270, 2540, 3810]);
         }
     }
 
     #[test]
     fn the_outside_begins_half_a_texel_beyond_the_edge() {
         let texture = MipTexture::new(4, 4, &[[200; 4]; 16], [0; 4]);
-        assert_eq!(texture.look(0.5, 2.0, 0), [200 * 127; 3]);
-        assert_eq!(texture.look(-0.5, 2.0, 0), [0; 3]);
-        assert_eq!(texture.look(4.5, 2.0, 0), [0; 3]);
-        assert_eq!(texture.look(2.0, 400.0, 0), [0; 3]);
+        assert_eq!(texture.look(0.5, 2.0, 0)[..3], [200 * 127; 3]);
+        assert_eq!(texture.look(-0.5, 2.0, 0), [0; 4]);
+        assert_eq!(texture.look(4.5, 2.0, 0), [0; 4]);
+        assert_eq!(texture.look(2.0, 400.0, 0), [0; 4]);
     }
 
     #[test]

@@ -1,11 +1,12 @@
-//! Upright textured things: faces drawn over the floor, the farthest first.
+//! Upright textured things and trees: faces drawn over the floor, the farthest first.
 
 use super::Shot;
 use super::kernel::{COLOUR_SCALE, Colours, GROUP};
 use super::rays::RayTable;
 use super::texture::MipTexture;
+use super::tree;
 use senda_geom::{Camera, Pose2, Vec2, Vec3};
-use senda_world::{Face, Light, LightProgram, Texture};
+use senda_world::{Face, Light, LightProgram, Texture, Tree};
 
 /// A face with its picture, lit.
 #[derive(Debug, Clone)]
@@ -22,18 +23,23 @@ pub(super) struct Upright {
     program: Option<LightProgram>,
     /// Texels a metre, along right and down.
     texels_per_m: [f64; 2],
+    /// Where a tree stands (world, m): it turns towards the camera, and one sees through between its leaves.
+    tree: Option<Vec2>,
 }
 
-/// Texels along a face's longer side, at most.
-const MOST_TEXELS: f64 = 512.0;
+/// Texels along a thing's longer side, at most: signs and codes are read from near.
+pub(super) const MOST_TEXELS: f64 = 512.0;
+/// Texels along a wall's block: plain stone.
+pub(super) const WALL_TEXELS: f64 = 64.0;
 /// Finest texel (m).
 const FINEST_M: f64 = 0.001;
 
 impl Upright {
-    pub(super) fn new(face: &Face, light: &Light) -> Self {
+    /// A face with at most so many texels along its longer side.
+    pub(super) fn new(face: &Face, most_texels: f64, light: &Light) -> Self {
         let longest_m = face.width_m.max(face.height_m);
-        let texel_m = (longest_m / MOST_TEXELS).max(FINEST_M);
-        let count = |side_m: f64| ((side_m / texel_m).round() as usize).clamp(1, MOST_TEXELS as usize);
+        let texel_m = (longest_m / most_texels).max(FINEST_M);
+        let count = |side_m: f64| ((side_m / texel_m).round() as usize).clamp(1, most_texels as usize);
         let (columns, rows) = (count(face.width_m), count(face.height_m));
         let (step_x, step_y) = (face.width_m / columns as f64, face.height_m / rows as f64);
         let level = if face.texture.shines() {
@@ -76,11 +82,29 @@ impl Upright {
                 _ => None,
             },
             texels_per_m: [1.0 / step_x, 1.0 / step_y],
+            tree: None,
         }
     }
 
-    fn middle(&self) -> Vec3 {
-        self.corner + self.right * (0.5 * self.width_m) + self.down * (0.5 * self.height_m)
+    /// A tree; its place in the scene is worked out frame by frame.
+    pub(super) fn of_tree(tree: &Tree, light: &Light) -> Self {
+        let texels = tree::picture(tree, brightness(Vec3::new(0.0, 0.0, 0.6), light));
+        let outside = texels[0];
+        Self {
+            corner: Vec3::ZERO,
+            right: Vec3::X,
+            down: Vec3::NEG_Z,
+            normal: Vec3::Y,
+            width_m: tree.width_m,
+            height_m: tree.height_m,
+            looks: vec![MipTexture::new(tree::COLUMNS, tree::ROWS, &texels, outside)],
+            program: None,
+            texels_per_m: [
+                tree::COLUMNS as f64 / tree.width_m,
+                tree::ROWS as f64 / tree.height_m,
+            ],
+            tree: Some(tree.position),
+        }
     }
 }
 
@@ -129,6 +153,7 @@ pub(super) fn prepare(
         return;
     }
     let lens_in_vehicle = camera.mounting.position();
+    let axis = camera.mounting.vehicle_from_camera().col(2);
     let vehicle_from_world = shot.world_from_vehicle.inverse();
     let turn = Pose2::new(0.0, 0.0, vehicle_from_world.heading_rad);
     for (index, face) in faces.iter().enumerate() {
@@ -140,12 +165,36 @@ pub(super) fn prepare(
             let flat = turn.transform(Vec2::new(d.x, d.y));
             Vec3::new(flat.x, flat.y, d.z)
         };
-        let corner = point(face.corner) - lens_in_vehicle;
-        let (normal, right, down) = (
-            direction(face.normal),
-            direction(face.right),
-            direction(face.down),
-        );
+        let (corner, normal, right, down) = match face.tree {
+            None => (
+                point(face.corner) - lens_in_vehicle,
+                direction(face.normal),
+                direction(face.right),
+                direction(face.down),
+            ),
+            Some(place) => {
+                let foot = vehicle_from_world.transform(place);
+                let towards = Vec2::new(lens_in_vehicle.x, lens_in_vehicle.y) - foot;
+                let away_m = towards.length();
+                // A tree smaller than half a pixel, or one that the camera stands in, is not drawn.
+                if away_m < 0.5 * face.width_m || face.height_m < 0.5 * table.pitch_rad * away_m {
+                    continue;
+                }
+                let normal = towards / away_m;
+                let right = normal.perp();
+                let corner = foot - right * (0.5 * face.width_m);
+                (
+                    Vec3::new(corner.x, corner.y, face.height_m) - lens_in_vehicle,
+                    Vec3::new(normal.x, normal.y, 0.0),
+                    Vec3::new(right.x, right.y, 0.0),
+                    Vec3::NEG_Z,
+                )
+            }
+        };
+        let middle = corner + right * (0.5 * face.width_m) + down * (0.5 * face.height_m);
+        if middle.dot(axis) < -0.5 * (face.width_m + face.height_m) {
+            continue; // All of it is behind the lens.
+        }
         let offset = normal.dot(corner);
         if offset > -1e-4 {
             continue; // Seen from behind or along the edge.
@@ -161,7 +210,7 @@ pub(super) fn prepare(
             look: face
                 .program
                 .map_or(0, |program| usize::from(program.is_green(shot.time_s))),
-            distance_m: (point(face.middle()) - lens_in_vehicle).length(),
+            distance_m: middle.length(),
             normal: single(normal),
             offset: offset as f32,
             right: single(right),
@@ -257,12 +306,15 @@ pub(super) fn draw_row(faces: &[Upright], ready: &[Ready], table: &RayTable, v: 
             let texel = size_s.max(size_t) * texels[0].max(texels[1]) * 0.7;
             // Logarithm (base 2) from the exponent's bits: the same everywhere.
             let level = ((texel.max(1.0).to_bits() >> 23) - 127).min(12);
-            let colour = face.looks[item.look].look(
+            let [colour @ .., opaque] = face.looks[item.look].look(
                 s.clamp(0.0, width) * texels[0],
                 t.clamp(0.0, height) * texels[1],
                 level,
             );
-            let part = (cover * 256.0) as i32;
+            let part = match face.tree {
+                None => (cover * 256.0) as i32,
+                Some(_) => (cover * opaque as f32 * (256.0 / (255.0 * 127.0))) as i32,
+            };
             let out = &mut row[u / GROUP][4 * (u % GROUP)..][..4];
             for c in 0..3 {
                 let old = i32::from(out[c]);

@@ -6,8 +6,9 @@ use senda_geom::{Curve, Vec2};
 /// Points along a marking stand at most this far apart (m): 0.01 mm of sagitta at 0.3 m radius.
 const SPACING_M: f64 = 0.005;
 
-/// The middle of a marking's painted parts (m): one run of points for each dash, or one in all.
-pub(super) fn marking_lines(path: &Curve, marking: &Marking) -> Vec<Vec<Vec2>> {
+/// The middle of a marking's painted parts (m): one run of points for each dash, or one in all. Points stand no nearer
+/// than `finest_m`.
+pub(super) fn marking_lines(path: &Curve, marking: &Marking, finest_m: f64) -> Vec<Vec<Vec2>> {
     let (from_m, to_m) = marking.span_m.unwrap_or((0.0, path.length_m()));
     let mut runs = Vec::new();
     match marking.dash {
@@ -28,7 +29,7 @@ pub(super) fn marking_lines(path: &Curve, marking: &Marking) -> Vec<Vec<Vec2>> {
             }
         }
     }
-    let spacing_m = SPACING_M.max(path.length_m() / 20_000.0);
+    let spacing_m = SPACING_M.max(path.length_m() / 20_000.0).max(finest_m);
     runs.into_iter()
         .map(|(low_m, high_m)| {
             let steps = ((high_m - low_m) / spacing_m).ceil().max(1.0) as usize;

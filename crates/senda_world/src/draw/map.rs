@@ -14,6 +14,8 @@ const LAMP: Colour = Colour::new(255, 196, 60);
 
 /// Paper that a drawing may fill (mm): worlds are scaled down to it.
 const LONGEST_MM: f64 = 240.0;
+/// Points of a line stand no nearer than this on the drawing (mm).
+const FINEST_MM: f64 = 0.3;
 
 /// From the floor (m) to the sheet (mm).
 struct Place {
@@ -53,10 +55,12 @@ pub fn svg(world: &World) -> String {
         rectangle(floor_low, floor_high, world.floor.colour),
     ];
     let mut inside = Vec::new();
+    draw_areas(world, &place, &mut inside);
     draw_lamps(world, &place, &mut inside);
     draw_markings(world, &place, &mut inside);
     draw_path(world, &place, &mut inside);
     draw_things(world, &place, &mut inside);
+    draw_trees_and_walls(world, &place, &mut inside);
     shapes.push(Shape::Clipped {
         low: floor_low,
         high: floor_high,
@@ -102,7 +106,7 @@ fn rectangle(low: Vec2, high: Vec2, colour: Colour) -> Shape {
 fn draw_markings(world: &World, place: &Place, shapes: &mut Vec<Shape>) {
     for layer in world.layers() {
         for marking in layer.markings.iter() {
-            for run in marking_lines(layer.path, marking) {
+            for run in marking_lines(layer.path, marking, FINEST_MM / place.mm_per_m) {
                 shapes.push(Shape::line(
                     run.into_iter().map(|p| place.of(p)).collect(),
                     (marking.width_m * place.mm_per_m).max(0.25),
@@ -110,6 +114,38 @@ fn draw_markings(world: &World, place: &Place, shapes: &mut Vec<Shape>) {
                 ));
             }
         }
+    }
+}
+
+fn draw_areas(world: &World, place: &Place, shapes: &mut Vec<Shape>) {
+    for area in &world.landscape.areas {
+        shapes.push(Shape::Area {
+            points: area.shore().into_iter().map(|p| place.of(p)).collect(),
+            colour: area.colour,
+        });
+    }
+}
+
+fn draw_trees_and_walls(world: &World, place: &Place, shapes: &mut Vec<Shape>) {
+    for tree in world.landscape.trees(&world.path) {
+        shapes.push(Shape::Disc {
+            centre: place.of(tree.position),
+            radius_mm: (0.5 * tree.width_m * place.mm_per_m).max(0.3),
+            colour: tree.colour,
+            opacity: 0.8,
+        });
+    }
+    for wall in &world.landscape.walls {
+        let steps = ((wall.to_m - wall.from_m) * place.mm_per_m)
+            .ceil()
+            .clamp(1.0, 1000.0) as usize;
+        let points = (0..=steps).map(|i| {
+            let part = i as f64 / steps as f64;
+            let at = world.path.pose_at(wall.from_m + (wall.to_m - wall.from_m) * part);
+            place.of(at.position() + at.left() * wall.offset_m)
+        });
+        let width_mm = (wall.width_m * place.mm_per_m).max(0.3);
+        shapes.push(Shape::line(points.collect(), width_mm, wall.colour));
     }
 }
 

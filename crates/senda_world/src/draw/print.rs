@@ -103,7 +103,7 @@ impl Print {
             for marking in paint.filter(|marking| Some(marking.width_m) != surface_m) {
                 let number = markings.len();
                 runs.extend(
-                    marking_lines(layer.path, marking)
+                    marking_lines(layer.path, marking, 0.0)
                         .into_iter()
                         .map(|run| (number, run)),
                 );

@@ -70,6 +70,11 @@ impl<'a> Material<'a> {
                 let values = carpet_tile(floor.scale_m / metres_per_texel, seed);
                 Pattern::Picture(values.iter().map(|value| shades[usize::from(*value)]).collect())
             }
+            FloorKind::Grass => {
+                let shades = shades(floor.colour, floor.second_colour, contrast, 0);
+                let values = grass_tile(metres_per_texel, seed);
+                Pattern::Picture(values.iter().map(|value| shades[usize::from(*value)]).collect())
+            }
             FloorKind::Speckled => {
                 let [r, g, b] = floor.colour.rgb;
                 let mut picture = vec![[r, g, b, gloss]; PICTURE * PICTURE];
@@ -102,8 +107,8 @@ impl<'a> Material<'a> {
 
     fn picture_row(&self, picture: &[Texel], out: &mut [Texel], first: i64, row: i64) {
         let side = PICTURE as i64;
-        // Loops of carpet stand in rows: their blocks stay in step.
-        let shifted = self.floor.kind != FloorKind::Carpet;
+        // Loops of carpet stand in rows, and meadows are larger than what a cut would hide: their blocks stay in step.
+        let shifted = !matches!(self.floor.kind, FloorKind::Carpet | FloorKind::Grass);
         let block_row = row.div_euclid(side);
         let mut at = first;
         let end = first + out.len() as i64;
@@ -346,6 +351,27 @@ fn grain_tile(metres_per_texel: f64, columns: usize, rows: usize, seed: u32) -> 
             let mut sum = 0.5;
             for (across, down, weight, lattice) in &octaves {
                 sum += (lattice.at(x as f32 * across, y as f32 * down) - 0.5) * weight;
+            }
+            tile.push((sum * 255.0).clamp(0.0, 255.0) as u8);
+        }
+    }
+    tile
+}
+
+/// Tufts, clumps and bald places, from a hand's breadth to some metres.
+fn grass_tile(metres_per_texel: f64, seed: u32) -> Vec<u8> {
+    let octaves = [(0.15, 0.8f32), (0.5, 0.6), (2.2, 0.6), (7.0, 0.5)].map(|(size_m, weight)| {
+        let cells = ((PICTURE as f64 * metres_per_texel / size_m).round() as i32).clamp(1, PICTURE as i32);
+        let fade = (size_m / metres_per_texel).min(1.0) as f32;
+        let lattice = Lattice::new(cells, cells, seed ^ (cells as u32).wrapping_mul(0x9E37));
+        (cells as f32 / PICTURE as f32, weight * fade, lattice)
+    });
+    let mut tile = Vec::with_capacity(PICTURE * PICTURE);
+    for y in 0..PICTURE {
+        for x in 0..PICTURE {
+            let mut sum = 0.5;
+            for (scale, weight, lattice) in &octaves {
+                sum += (lattice.at(x as f32 * scale, y as f32 * scale) - 0.5) * weight;
             }
             tile.push((sum * 255.0).clamp(0.0, 255.0) as u8);
         }

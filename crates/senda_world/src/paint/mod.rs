@@ -2,6 +2,7 @@
 //!
 //! The same world gives the same bytes on every machine. What stands on the floor is not painted, only its shadow.
 
+mod areas;
 mod lines;
 mod material;
 mod noise;
@@ -34,12 +35,15 @@ pub struct FloorPainting {
     pub outside: [u8; 4],
 }
 
-/// Paints a world's floor at `metres_per_texel` (2 mm suits small circuits), or more coarsely where that would need
-/// more than [`TEXEL_BUDGET`] texels: [`FloorPainting::metres_per_texel`] tells.
+/// Paints a world's floor at `metres_per_texel` (2 mm suits small circuits), or more coarsely where the world says so
+/// ([`World::texel_m`]) or that would need more than [`TEXEL_BUDGET`] texels: [`FloorPainting::metres_per_texel`] tells.
 pub fn paint(world: &World, metres_per_texel: f64) -> FloorPainting {
     let (low, high) = world.bounds();
     let size = high - low;
-    let metres_per_texel = metres_per_texel.max(finest_texel_m(size)).max(1e-5);
+    let metres_per_texel = metres_per_texel
+        .max(world.texel_m)
+        .max(finest_texel_m(size))
+        .max(1e-5);
     // Texels lie on a lattice through the world's origin, so that the same place looks the same at any margin.
     let first_column = (low.x / metres_per_texel).floor();
     let first_row = (low.y / metres_per_texel).floor();
@@ -75,6 +79,7 @@ pub fn paint(world: &World, metres_per_texel: f64) -> FloorPainting {
         || cover(material, 0, upper),
         || cover(copy, middle, lower),
     );
+    areas::paint_areas(world, &mut painting);
     lines::paint_markings(world, &mut painting);
     shade::light_up(&grid, &mut painting);
     painting

@@ -181,6 +181,7 @@ fn unevenness(world: &World) -> (f32, f64) {
         FloorKind::Wood => (0.05 * contrast, 0.4),
         FloorKind::Tiles => (0.10 * contrast, 0.25),
         FloorKind::Carpet => (0.16 * contrast, 0.18),
+        FloorKind::Grass => (0.3 * contrast, floor.scale_m),
     }
 }
 

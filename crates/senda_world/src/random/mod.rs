@@ -2,14 +2,17 @@
 
 mod circuit;
 mod dice;
+mod road;
 mod scenery;
 
 use crate::colour::Colour;
 use crate::floor::FLOOR_PRESETS;
+use crate::landscape::Landscape;
 use crate::light::{LIGHT_PRESETS, Light};
 use crate::world::{Backdrop, World};
 use circuit::circuit;
 pub(crate) use dice::Dice;
+pub(crate) use road::signed_area_m2;
 use scenery::{choose_floor, choose_light, choose_markings, choose_thing};
 use serde::{Deserialize, Serialize};
 
@@ -179,9 +182,12 @@ impl World {
             backdrop: Backdrop {
                 horizon: dice.vary(Colour::new(140, 136, 130), 50.0),
                 zenith: dice.vary(Colour::new(205, 203, 200), 30.0),
+                hills: None,
             },
             margin_m: 0.8,
             warehouse: None,
+            texel_m: 0.0,
+            landscape: Landscape::default(),
             path,
             path_spec,
         };

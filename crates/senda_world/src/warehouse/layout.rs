@@ -13,6 +13,7 @@
 use super::{Place, PlaceKind, Street, Warehouse};
 use crate::colour::Colour;
 use crate::floor::Floor;
+use crate::landscape::Landscape;
 use crate::light::{Light, LightChange};
 use crate::marking::Marking;
 use crate::path::{PathShape, PathSpec, Piece};
@@ -231,6 +232,8 @@ impl World {
             things,
             backdrop: Backdrop::default(),
             margin_m: 0.5,
+            texel_m: 0.0,
+            landscape: Landscape::default(),
             warehouse: Some(warehouse),
         }
     }
