@@ -59,6 +59,11 @@ pub(crate) const RESERVED: &[Reserved] = &[
     ),
     reserved("clap", BINARY, "only the command line parses arguments"),
     reserved("indicatif", BINARY, "only the command line draws on a terminal"),
+    reserved(
+        "rustix",
+        BINARY,
+        "only the command line reads single keys of a terminal",
+    ),
     reserved("ctrlc", BINARY, "only the command line handles signals"),
     reserved(
         "miette",

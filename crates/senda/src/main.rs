@@ -3,6 +3,7 @@
 // The edge: here output and wall time belong.
 #![allow(clippy::print_stdout, clippy::print_stderr)]
 
+mod cockpit;
 mod commands;
 mod terminal;
 

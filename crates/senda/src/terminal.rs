@@ -73,17 +73,30 @@ pub(crate) fn ears(bar: &ProgressBar) -> Ears<'_> {
     }
 }
 
+/// Says a line on standard error. A terminal that is gone is told nothing, and the work goes on without it.
+pub(crate) fn tell(line: &str) {
+    use std::io::Write as _;
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// Prints a line on standard output; an error where nobody takes it, such as a terminal that is gone.
+pub(crate) fn print(line: &str) -> anyhow::Result<()> {
+    use anyhow::Context as _;
+    use std::io::Write as _;
+    writeln!(std::io::stdout(), "{line}").context("cannot print the result")
+}
+
 /// Prints an error and its causes, with the source snippet where there is one.
 pub(crate) fn complain(error: &anyhow::Error) {
-    eprint!("error: {error}");
+    let mut line = format!("error: {error}");
     let mut last = error.to_string();
     for cause in error.chain().skip(1) {
         let text = cause.to_string();
         // Wrapping errors repeat their cause's words.
         if !last.contains(&text) {
-            eprint!(": {text}");
+            line = format!("{line}: {text}");
         }
         last = text;
     }
-    eprintln!();
+    tell(&line);
 }

@@ -1,5 +1,5 @@
 //! Drivers: `line` and `lane` follow painted lines by camera, `hough` steers by straight edges of a lane's coloured tape,
-//! `expert` follows a path that it is told.
+//! `expert` follows a path that it is told, and [`ManualDriver`] does what a person's hands do.
 //!
 //! ```
 //! use senda_core::{Body, Driver, Observation, Steering};
@@ -50,6 +50,7 @@ mod lane_document;
 mod lane_pair;
 pub mod line;
 pub mod loss;
+pub mod manual;
 mod motion;
 pub mod neural;
 mod options;
@@ -68,6 +69,7 @@ pub use hough_lanes::Sides;
 pub use lane::{LaneDriver, LaneOptions, LaneShape};
 pub use line::{ChoiceOptions, LineDriver, LineOptions};
 pub use loss::{LossOptions, Mode, WhileLost};
+pub use manual::{Hands, KeyScript, ManualDriver, ManualOptions};
 pub use neural::{Answer, NeuralDriver, NeuralOptions};
 pub use options::DriverError;
 pub use path_memory::TrackOptions;

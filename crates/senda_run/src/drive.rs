@@ -1,7 +1,7 @@
 //! One run in the simulator: the loop, the referee, the recording and the summary.
 
 use crate::{Ears, Guard, Pilot, RunError, Scenario, log::Log, referee::Referee, scenario::believed_body};
-use senda_core::{Command, Explanation, Observation, Truth, Vehicle};
+use senda_core::{Body, Command, Explanation, Observation, Truth, Vehicle};
 use senda_data::{Recording, RecordingHeader, RecordingWriter};
 use senda_eval::Summary;
 use senda_sim::{SimOptions, Simulator, Start};
@@ -61,6 +61,25 @@ pub fn run<W: Write + Seek>(
     sink: Option<W>,
     ears: &mut Ears,
 ) -> Result<(Outcome, Option<W>), RunError> {
+    let named = |body: &Body, world: &World| {
+        Pilot::named(
+            &scenario.driver,
+            body,
+            Some(&world.path),
+            scenario.speed_mps,
+            &scenario.driver_options,
+        )
+    };
+    run_by(scenario, named, sink, ears)
+}
+
+/// As [`run`], by the pilot that `seat` puts into the vehicle.
+pub fn run_by<W: Write + Seek>(
+    scenario: &Scenario,
+    seat: impl FnOnce(&Body, &World) -> Result<Pilot, RunError>,
+    sink: Option<W>,
+    ears: &mut Ears,
+) -> Result<(Outcome, Option<W>), RunError> {
     scenario.check()?;
     let world = scenario.resolve_world()?;
     let spec = scenario.resolve_vehicle()?;
@@ -82,18 +101,15 @@ pub fn run<W: Write + Seek>(
     };
     let mut simulator = Simulator::new(world.clone(), &spec, options)?;
     let body = believed_body(simulator.body(), scenario.calibration.as_deref())?;
-    let mut pilot = Pilot::named(
-        &scenario.driver,
-        &body,
-        Some(&world.path),
-        scenario.speed_mps,
-        &scenario.driver_options,
-    )?;
+    let mut pilot = seat(&body, &world)?;
     let mut recorder = match sink {
         Some(sink) => Some(RecordingWriter::new(sink, &header(scenario, &world, &body))?),
         None => None,
     };
-    let mut referee = Referee::new(scenario, &world);
+    let mut referee = match pilot {
+        Pilot::Person(_) => Referee::patient(scenario, &world),
+        Pilot::Driver(_) | Pilot::Privileged(_) => Referee::new(scenario, &world),
+    };
     let mut log = Log::new(&body);
     let ending = steps(
         &mut simulator,

@@ -4,19 +4,24 @@ use crate::RunError;
 use senda_core::{Body, Command, Driver, Explanation, Observation, PrivilegedDriver, Truth};
 use senda_drivers::{
     ExpertDriver, ExpertOptions, HoughDriver, HoughDriverOptions, LaneDriver, LaneOptions, LineDriver,
-    LineOptions, NeuralDriver, NeuralOptions,
+    LineOptions, ManualDriver, NeuralDriver, NeuralOptions,
 };
 use senda_geom::Curve;
 use senda_nets::Model;
 use serde::de::DeserializeOwned;
 use std::path::Path;
 
-/// A driver, or the one kind of driver that is told the truth.
+/// The name of a person's drive in scenarios and recordings.
+pub const MANUAL: &str = "manual";
+
+/// A driver, the one kind of driver that is told the truth, or a person.
 pub enum Pilot {
     /// Sees observations only.
     Driver(Box<dyn Driver>),
     /// Sees the true state as well.
     Privileged(Box<dyn PrivilegedDriver>),
+    /// A person, who may stand, stray and take time.
+    Person(ManualDriver),
 }
 
 /// Names of all drivers, with what each does.
@@ -86,6 +91,13 @@ impl Pilot {
                 })?;
                 Self::Privileged(Box::new(ExpertDriver::new(body, path.clone(), options)?))
             }
+            MANUAL => {
+                return Err(RunError::DriverOptions {
+                    driver: name.to_owned(),
+                    reason: "expected a driver, but a person drove; use `senda drive --mode manual`, or name another one with --driver"
+                        .to_owned(),
+                });
+            }
             other => {
                 return Err(RunError::UnknownDriver {
                     found: other.to_owned(),
@@ -99,6 +111,7 @@ impl Pilot {
     pub fn drive(&mut self, observation: &Observation, truth: Option<&Truth>) -> Command {
         match (self, truth) {
             (Self::Driver(driver), _) => driver.drive(observation),
+            (Self::Person(driver), _) => driver.drive(observation),
             (Self::Privileged(driver), Some(truth)) => driver.drive_knowing(observation, truth),
             (Self::Privileged(_), None) => Command::STOP,
         }
@@ -108,6 +121,7 @@ impl Pilot {
     pub fn explain(&self, explanation: &mut Explanation) {
         match self {
             Self::Driver(driver) => driver.explain(explanation),
+            Self::Person(driver) => driver.explain(explanation),
             Self::Privileged(driver) => driver.explain(explanation),
         }
     }
@@ -116,6 +130,7 @@ impl Pilot {
     pub fn is_done(&self) -> bool {
         match self {
             Self::Driver(driver) => driver.is_done(),
+            Self::Person(driver) => driver.is_done(),
             Self::Privileged(_) => false,
         }
     }

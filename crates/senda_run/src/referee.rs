@@ -24,6 +24,7 @@ pub struct Referee {
     goal_m: f64,
     stray_limit_m: f64,
     time_limit_s: f64,
+    standing_limit_s: f64,
     standing_since_s: Option<f64>,
     lap_m: f64,
 }
@@ -48,8 +49,19 @@ impl Referee {
             // Three times as far as the lane is wide: no driver of ours finds back from there.
             stray_limit_m: 3.0 * world.corridor_half_width_m + scenario.start.offset_m.abs(),
             time_limit_s: scenario.time_limit_s.unwrap_or(4.0 * goal_m / speed_mps + 20.0),
+            standing_limit_s: STANDING_S,
             standing_since_s: None,
             lap_m: way_m,
+        }
+    }
+
+    /// For a person, who may stand, stray and come back, and takes as long as the scenario allows.
+    pub fn patient(scenario: &Scenario, world: &World) -> Self {
+        Self {
+            stray_limit_m: f64::INFINITY,
+            standing_limit_s: f64::INFINITY,
+            time_limit_s: scenario.time_limit_s.unwrap_or(f64::INFINITY),
+            ..Self::new(scenario, world)
         }
     }
 
@@ -92,7 +104,7 @@ impl Judge for Referee {
         let since_s = self.standing_since_s.get_or_insert(now_s);
         if !standing {
             *since_s = now_s;
-        } else if now_s - *since_s > STANDING_S {
+        } else if now_s - *since_s > self.standing_limit_s {
             return Some(Ending::Stopped);
         }
         (now_s > self.time_limit_s).then_some(Ending::TimeOut)

@@ -1,6 +1,7 @@
 //! `senda drive`: one run.
 
 use super::{
+    hands::{HandFlags, Mode, Prepared, seat},
     report::{PageRun, command_line, page},
     write_file,
 };
@@ -10,7 +11,7 @@ use clap::Args;
 use senda_run::{Scenario, drive};
 use std::{
     fs::File,
-    io::BufWriter,
+    io::{BufWriter, Cursor},
     path::{Path, PathBuf},
 };
 
@@ -176,7 +177,12 @@ pub(crate) fn parse_size(text: &str) -> Result<[u32; 2], String> {
 pub(crate) struct Arguments {
     #[command(flatten)]
     flags: ScenarioFlags,
-    /// Keep the run as a recording (MCAP) in this folder
+    /// manual, auto, training-manual or training-auto: who drives, and whether every frame is kept for training
+    #[arg(long, value_name = "MODE", default_value = "auto")]
+    mode: String,
+    #[command(flatten)]
+    hands: HandFlags,
+    /// Keep the run as a recording (MCAP) in this folder (training modes: `recordings`)
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
     /// Write a report (one HTML file)
@@ -188,31 +194,44 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
-    let scenario = arguments.flags.scenario()?;
+    let mode = Mode::named(&arguments.mode)?;
+    let mut scenario = arguments.flags.scenario()?;
+    let hands = arguments.hands.prepare(mode, &arguments.flags, &mut scenario)?;
+    let record = match (&arguments.record, mode.is_training()) {
+        (None, true) => Some(PathBuf::from("recordings")),
+        (folder, _) => folder.clone(),
+    };
     let began_ns = terminal::clock_ns();
-    let bar = terminal::bar(&format!(
-        "{} {} {}",
-        scenario.driver, scenario.world, scenario.vehicle
-    ));
+    let is_watched = matches!(hands, Some(Prepared::Person(_)));
+    let bar = if is_watched {
+        indicatif::ProgressBar::hidden()
+    } else {
+        terminal::bar(&format!(
+            "{} {} {}",
+            scenario.driver, scenario.world, scenario.vehicle
+        ))
+    };
     let mut ears = terminal::ears(&bar);
-    let (mut outcome, recording) = match (&arguments.record, &arguments.report) {
-        (Some(folder), report) => {
-            let path = recording_path(folder, &scenario)?;
-            let file = File::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
-            let (outcome, _) = drive::run(&scenario, Some(BufWriter::new(file)), &mut ears)
-                .with_context(|| format!("while recording to {}", path.display()))?;
-            eprintln!("recording: {}", path.display());
-            let recording = report
-                .is_some()
-                .then(|| senda_data::Recording::read(&path))
-                .transpose()?;
-            (outcome, recording)
-        }
-        (None, Some(_)) => {
-            let (outcome, recording) = drive::recorded(&scenario, &mut ears)?;
-            (outcome, Some(recording))
-        }
-        (None, None) => (drive::in_memory(&scenario, &mut ears)?, None),
+    let seat = seat(hands, &scenario, record.is_some(), &mut ears)?;
+    let (mut outcome, recording) = if let Some(folder) = &record {
+        let path = recording_path(folder, &scenario)?;
+        let file = File::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
+        let (outcome, _) = drive::run_by(&scenario, seat, Some(BufWriter::new(file)), &mut ears)
+            .with_context(|| format!("while recording to {}", path.display()))?;
+        terminal::tell(&format!("recording: {}", path.display()));
+        let recording = arguments
+            .report
+            .is_some()
+            .then(|| senda_data::Recording::read(&path))
+            .transpose()?;
+        (outcome, recording)
+    } else {
+        let sink = arguments.report.is_some().then(|| Cursor::new(Vec::new()));
+        let (outcome, sink) = drive::run_by(&scenario, seat, sink, &mut ears)?;
+        let recording = sink
+            .map(|sink| senda_data::Recording::from_bytes(sink.get_ref()))
+            .transpose()?;
+        (outcome, recording)
     };
     drop(ears);
     bar.finish_and_clear();
@@ -229,12 +248,12 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             frame_times_ns,
         };
         write_file(path, page(&title, &command_line(), &[run])?.as_bytes())?;
-        eprintln!("report: {}", path.display());
+        terminal::tell(&format!("report: {}", path.display()));
     }
     if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&outcome.summary)?);
+        terminal::print(&serde_json::to_string_pretty(&outcome.summary)?)?;
     } else {
-        println!("{}", outcome.summary.text());
+        terminal::print(&outcome.summary.text().to_string())?;
     }
     Ok(())
 }

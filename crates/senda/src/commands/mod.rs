@@ -5,6 +5,7 @@ pub(crate) mod calibrate;
 pub(crate) mod data;
 pub(crate) mod drive;
 pub(crate) mod evaluate;
+pub(crate) mod hands;
 pub(crate) mod learn;
 pub(crate) mod model;
 pub(crate) mod net;
