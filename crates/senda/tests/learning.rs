@@ -138,7 +138,17 @@ fn recorded_trained_and_driven_twice_the_same() {
     let folder = tempfile::tempdir().unwrap();
     data(folder.path());
     let arguments = training(folder.path(), "a.senda");
-    let result = json(&with(&arguments, &["--json"]));
+    let report = folder.path().join("training.html");
+    let result = json(&with(&arguments, &["--json", "--report", text(&report)]));
+    let page = std::fs::read_to_string(&report).unwrap();
+    for words in [
+        "Loss over the epochs",
+        "is kept",
+        "validation",
+        "How often which steering",
+    ] {
+        assert!(page.contains(words), "the report has no {words}");
+    }
     assert!(result["training_frames"].as_u64().unwrap() > 5, "{result}");
     assert!(result["validation_frames"].as_u64().unwrap() > 5, "{result}");
     assert_eq!(result["history"].as_array().unwrap().len(), 2);
@@ -412,6 +422,8 @@ fn learning_on_a_tiny_budget_makes_a_model_that_drives() {
         "--json",
     ]);
     assert_eq!(result["rounds"].as_array().unwrap().len(), 2);
+    let page = std::fs::read_to_string(folder.path().join("experiment/report.html")).unwrap();
+    assert!(page.contains("Learning by correction") && page.contains("Loss over the epochs"));
     let drive = json(&[
         "drive",
         "--world",

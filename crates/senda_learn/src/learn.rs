@@ -225,6 +225,8 @@ pub struct Learned {
     pub rounds: Vec<Round>,
     /// The last training.
     pub history: Vec<Epoch>,
+    /// All frames so far.
+    pub samples: Samples,
     /// Whether somebody interrupted: the same command goes on.
     pub interrupted: bool,
 }
@@ -294,7 +296,7 @@ pub fn learn(
             interrupted,
         )?;
         if interrupted() {
-            return Ok(unfinished(model, rounds, history));
+            return Ok(unfinished(model, rounds, history, all));
         }
         drives += new_drives;
         all.append(&samples);
@@ -334,7 +336,7 @@ pub fn learn(
             },
         )?;
         if trained.interrupted {
-            return Ok(unfinished(model, rounds, history));
+            return Ok(unfinished(model, rounds, history, all));
         }
         let loss = trained.history.last().map_or(0.0, |epoch| epoch.training_loss);
         model.weights = trained.weights;
@@ -347,7 +349,7 @@ pub fn learn(
                 tell(Stage::Trial(number, done, of))
             })? {
                 Some((rate, error)) => (Some(rate), error),
-                None => return Ok(unfinished(model, rounds, history)),
+                None => return Ok(unfinished(model, rounds, history, all)),
             }
         } else {
             (None, None)
@@ -376,15 +378,17 @@ pub fn learn(
         model,
         rounds,
         history,
+        samples: all,
         interrupted: false,
     })
 }
 
-fn unfinished(model: Model, rounds: Vec<Round>, history: Vec<Epoch>) -> Learned {
+fn unfinished(model: Model, rounds: Vec<Round>, history: Vec<Epoch>, samples: Samples) -> Learned {
     Learned {
         model,
         rounds,
         history,
+        samples,
         interrupted: true,
     }
 }

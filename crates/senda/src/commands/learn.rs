@@ -1,9 +1,10 @@
 //! `senda learn`: from nothing to a driving network.
 
-use super::report::command_line;
+use super::{report::command_line, training_report};
 use crate::terminal;
 use anyhow::{Context, Result};
 use clap::Args;
+use senda_learn::Samples;
 use senda_learn::learn::{self, Learning, Stage};
 use std::path::PathBuf;
 
@@ -136,6 +137,17 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             .with_context(|| format!("cannot make folder {}", folder.display()))?;
     }
     model.save(&arguments.out)?;
+    let told = training_report::Told {
+        model: &model,
+        history: &learned.history,
+        // Nothing judges but the trials: the last epoch is kept.
+        best_epoch: learned.history.last().map_or(0, |epoch| epoch.number),
+        rounds: &learned.rounds,
+        training: &learned.samples,
+        validation: &Samples::new(learned.samples.frame_len, learned.samples.outputs),
+    };
+    let title = format!("{} learns to drive", model.network.name());
+    training_report::write(&arguments.folder.join("report.html"), &title, &told)?;
     let wall_s = terminal::seconds_since(began_ns);
     if arguments.json {
         let value = serde_json::json!({

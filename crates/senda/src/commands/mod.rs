@@ -15,6 +15,7 @@ pub(crate) mod study;
 pub(crate) mod sweep;
 pub(crate) mod tour;
 pub(crate) mod train;
+pub(crate) mod training_report;
 pub(crate) mod world;
 
 use anyhow::{Context, Result};

@@ -1,6 +1,6 @@
 //! `senda train`: a network on recordings.
 
-use super::report::command_line;
+use super::{report::command_line, training_report};
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -129,6 +129,9 @@ pub(crate) struct Arguments {
     /// Where the model is written
     #[arg(long, value_name = "FILE", default_value = "model.senda")]
     out: PathBuf,
+    /// Write a report (one HTML file); with --folder there is always one in it
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// Print the result as JSON
     #[arg(long)]
     json: bool,
@@ -346,6 +349,19 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         grids: vec![],
     };
     model.save(&arguments.out)?;
+    let in_folder = arguments.folder.as_ref().map(|folder| folder.join("report.html"));
+    for path in arguments.report.iter().chain(&in_folder) {
+        let told = training_report::Told {
+            model: &model,
+            history: &trained.history,
+            best_epoch: trained.best_epoch,
+            rounds: &[],
+            training: &training,
+            validation: &validation,
+        };
+        let title = format!("Training of {}", model.network.name());
+        training_report::write(path, &title, &told)?;
+    }
     let wall_s = terminal::seconds_since(began_ns);
     if arguments.json {
         let value = serde_json::json!({

@@ -2,7 +2,7 @@
 //!
 //! [`html`] shows runs with a player that scrubs through the camera frames in step with all plots; [`sweep_html`] shows
 //! rates over many runs; [`study_html`] a study of the kinematics; [`real_data_html`] a driver on recorded real frames
-//! beside the human. The same input gives the same bytes. Text from files (world names, driver names, events) can
+//! beside the human; [`training_html`] how a network was trained. The same input gives the same bytes. Text from files (world names, driver names, events) can
 //! neither act nor load anything: it is escaped, and the page forbids every script but its own.
 
 mod columns;
@@ -14,12 +14,14 @@ mod run;
 mod signals;
 mod study;
 mod sweep;
+mod training;
 
 pub use page::Page;
 pub use real::real_data_html;
 pub use run::ReportRun;
 pub use study::{StudyTrace, study_html};
 pub use sweep::{SweepRow, SweepRun, SweepTable, sweep_html, sweep_table};
+pub use training::{TrainingEpoch, TrainingReport, TrainingRound, training_html};
 
 use crate::text::escape;
 use base64::Engine;
