@@ -16,7 +16,7 @@
 //! A [`Vehicle`] is sensed and actuated: the simulator, a robot, a recording. A [`Driver`] turns an [`Observation`]
 //! into a [`Command`]. The true state ([`Truth`]) is not part of an observation; only a [`PrivilegedDriver`] gets it.
 //!
-//! This crate does not know any vehicle or driver, no files and no clock.
+//! This crate does not know any vehicle or driver, what lies in files ([`whole_file`] only puts them down safely), and no clock.
 
 pub mod body;
 pub mod codec;
@@ -28,6 +28,7 @@ pub mod memory;
 pub mod observation;
 pub mod threads;
 pub mod vehicle;
+pub mod whole_file;
 
 pub use body::{Body, Steering};
 pub use codec::{CodecError, Encoded, ImageFormat};

@@ -16,7 +16,7 @@
 
 use crate::open::{Format, open_runs, recordings_in};
 use crate::{DataError, Recording};
-use senda_core::{Body, Turn};
+use senda_core::{Body, Turn, whole_file};
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -160,14 +160,8 @@ impl Edits {
                 _ => Ok(()),
             };
         }
-        let partial = path.with_extension("toml.part");
-        std::fs::write(&partial, self.to_toml())
-            .and_then(|()| std::fs::rename(&partial, &path))
-            .map_err(|error| {
-                // Of no use; failing to remove it changes nothing.
-                let _ = std::fs::remove_file(&partial);
-                DataError::write(&path, "the edits are as before", error)
-            })
+        whole_file::replace(&path, |file| file.write_all(self.to_toml().as_bytes()))
+            .map_err(|error| DataError::write(&path, "the edits are as before", error))
     }
 
     /// Whether there is none.

@@ -3,6 +3,7 @@
 use crate::learn::Round;
 use crate::train::Epoch;
 use crate::{LearnError, Run, Samples};
+use senda_core::whole_file;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::Path;
@@ -22,17 +23,7 @@ pub(crate) fn replace(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
 ) -> Result<(), LearnError> {
-    let temporary = path.with_extension("partial");
-    let whole = || -> std::io::Result<()> {
-        let mut file = std::io::BufWriter::new(std::fs::File::create(&temporary)?);
-        write(&mut file)?;
-        file.into_inner()?.sync_all()?;
-        std::fs::rename(&temporary, path)
-    };
-    whole().map_err(|source| {
-        let _ = std::fs::remove_file(&temporary);
-        LearnError::io(path, source)
-    })
+    whole_file::replace(path, write).map_err(|source| LearnError::io(path, source))
 }
 
 pub(crate) fn write_json<T: Serialize>(path: &Path, value: &T) -> Result<(), LearnError> {

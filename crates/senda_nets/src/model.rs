@@ -7,10 +7,10 @@
 use crate::quantised::{self, Grid, is_kernel, kernel_steps, scale_name};
 use crate::safetensors::{split, tensor_values};
 use crate::{Inference, InputSpec, Network, Tensor, Weights};
+use senda_core::whole_file;
 use senda_geom::{Camera, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
-use std::io::Write;
 use std::path::Path;
 use thiserror::Error;
 
@@ -173,22 +173,9 @@ impl Model {
 
     /// Writes the file: beside the old one, then in its place, so that a full disk leaves the old one whole.
     pub fn save(&self, path: &Path) -> Result<(), ModelError> {
-        let mut partial = path.as_os_str().to_owned();
-        partial.push(".partial");
-        let partial = Path::new(&partial);
-        let write = || -> std::io::Result<()> {
-            let mut file = std::fs::File::create(partial)?;
-            file.write_all(&self.to_bytes())?;
-            file.sync_all()?;
-            std::fs::rename(partial, path)
-        };
-        write().map_err(|error| {
-            // The old file is whole; what is left of the new one is of no use.
-            let _ = std::fs::remove_file(partial);
-            ModelError::File {
-                file: path.display().to_string(),
-                reason: error.to_string(),
-            }
+        whole_file::replace(path, |file| file.write_all(&self.to_bytes())).map_err(|error| ModelError::File {
+            file: path.display().to_string(),
+            reason: error.to_string(),
         })
     }
 

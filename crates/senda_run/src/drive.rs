@@ -120,6 +120,10 @@ pub fn run_by<W: Write + Seek>(
         ears,
     )?;
 
+    if let Pilot::Person(_) = pilot {
+        // A person's time for a frame is the waiting for the next one: no figure about senda.
+        log.frame_times_ns.clear();
+    }
     let (summary, frame_times_ns) = log.summarise(scenario, &world, ending);
     let sink = match recorder {
         Some(recorder) => Some(recorder.finish(&repeatable(&summary))?),

@@ -9,6 +9,8 @@ use std::io::Write as _;
 const ROWS_BELOW: usize = 3;
 /// Pictures more often than this (ns) only make terminals late.
 const SHORTEST_NS: u64 = 60_000_000;
+/// Wider pictures only take a slow connection's time (characters).
+const WIDEST: usize = 80;
 /// Width of the angle's scale (characters), with a middle.
 const SCALE: usize = 41;
 
@@ -26,7 +28,7 @@ impl View {
         // Another page, without cursor, so that what was there comes back.
         say("\x1b[?1049h\x1b[?25l\x1b[2J");
         Self {
-            columns,
+            columns: columns.min(WIDEST),
             rows,
             text: String::new(),
             last: None,
@@ -104,20 +106,24 @@ fn half_blocks(image: &Image, [columns, rows]: [usize; 2], text: &mut String) {
     }
     let across = columns.min(width).min((2 * rows * width / height).max(1));
     let down = (across * height / width / 2).clamp(1, rows);
-    let mut colours: Option<([u8; 3], [u8; 3])> = None;
     for row in 0..down {
+        let (mut foreground, mut background) = (None, None);
         for column in 0..across {
             let upper = mean(image, [column, 2 * row], [across, 2 * down]);
             let lower = mean(image, [column, 2 * row + 1], [across, 2 * down]);
-            if colours != Some((upper, lower)) {
-                let ([r, g, b], [lr, lg, lb]) = (upper, lower);
-                let _ = write!(text, "\x1b[38;2;{r};{g};{b};48;2;{lr};{lg};{lb}m");
-                colours = Some((upper, lower));
+            if foreground != Some(upper) {
+                let [r, g, b] = upper;
+                let _ = write!(text, "\x1b[38;2;{r};{g};{b}m");
+                foreground = Some(upper);
+            }
+            if background != Some(lower) {
+                let [r, g, b] = lower;
+                let _ = write!(text, "\x1b[48;2;{r};{g};{b}m");
+                background = Some(lower);
             }
             text.push('▀');
         }
         text.push_str("\x1b[0m\x1b[K\n");
-        colours = None;
     }
 }
 
@@ -144,7 +150,8 @@ fn mean(image: &Image, [column, row]: [usize; 2], of: [usize; 2]) -> [u8; 3] {
             }
         }
     }
-    sums.map(|sum| (sum / count) as u8)
+    // In steps of 8, so that a camera's noise does not send every colour anew.
+    sums.map(|sum| (sum / count) as u8 & 0xf8)
 }
 
 #[cfg(test)]
@@ -171,10 +178,13 @@ mod tests {
 
     #[test]
     fn the_upper_pixel_is_the_foreground_and_the_lower_one_the_background() {
-        let image = Image::from_pixels(1, 2, Channels::Rgb, vec![1, 2, 3, 4, 5, 6]).unwrap();
+        let image = Image::from_pixels(1, 2, Channels::Rgb, vec![16, 24, 33, 40, 48, 56]).unwrap();
         let mut text = String::new();
         half_blocks(&image, [1, 1], &mut text);
-        assert!(text.starts_with("\x1b[38;2;1;2;3;48;2;4;5;6m▀"), "{text:?}");
+        assert!(
+            text.starts_with("\x1b[38;2;16;24;32m\x1b[48;2;40;48;56m▀"),
+            "{text:?}"
+        );
     }
 
     #[test]

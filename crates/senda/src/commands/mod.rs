@@ -19,6 +19,7 @@ pub(crate) mod training_report;
 pub(crate) mod world;
 
 use anyhow::{Context, Result};
+use senda_core::whole_file;
 use std::path::Path;
 
 /// Writes a file whole or not at all: a full disk must not leave half a report over a good one.
@@ -27,13 +28,6 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
         std::fs::create_dir_all(folder)
             .with_context(|| format!("cannot make folder {}", folder.display()))?;
     }
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".part");
-    let part = path.with_file_name(name);
-    let written = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, path));
-    if written.is_err() {
-        // The half-written file is of no use; failing to remove it changes nothing.
-        let _ = std::fs::remove_file(&part);
-    }
-    written.with_context(|| format!("cannot write {}", path.display()))
+    whole_file::replace(path, |file| file.write_all(bytes))
+        .with_context(|| format!("cannot write {}", path.display()))
 }
