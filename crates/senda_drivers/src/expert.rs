@@ -120,6 +120,11 @@ impl ExpertDriver {
         }
     }
 
+    /// Aims this far to the left of the path (m) from now on.
+    pub fn aim_beside(&mut self, offset_m: f64) {
+        self.options.offset_m = offset_m;
+    }
+
     /// All parameters, for the head of a log (C15).
     pub fn parameters(&self) -> toml::Table {
         crate::options::table(&self.options)

@@ -1,5 +1,6 @@
 //! Drivers: `line` and `lane` follow painted lines by camera, `hough` steers by straight edges of a lane's coloured tape,
-//! `expert` follows a path that it is told, and [`ManualDriver`] does what a person's hands do.
+//! `expert` follows a path that it is told, `human` does so as a person would, and [`ManualDriver`] does what a person's hands
+//! do.
 //!
 //! ```
 //! use senda_core::{Body, Driver, Observation, Steering};
@@ -33,7 +34,8 @@
 //! stop. [`study`] shows what the controller does without camera and world (C13). Two forms live side by side: the
 //! document's ([`Form::Document`]) and one that uses the line's shape on the floor plane ([`Form::Curve`], C17).
 //!
-//! This crate does not know simulators, hardware, files and clocks; the true state reaches [`ExpertDriver`] only.
+//! This crate does not know simulators, hardware, files and clocks; the true state reaches [`ExpertDriver`] and [`HumanDriver`]
+//! only.
 
 mod along_path;
 mod association;
@@ -44,6 +46,7 @@ mod helm;
 pub mod hough;
 mod hough_lanes;
 mod hough_mask;
+pub mod human;
 pub mod lane;
 mod lane_curve;
 mod lane_document;
@@ -66,6 +69,7 @@ pub use expert::{ExpertDriver, ExpertOptions};
 pub use follow::{FollowOptions, Form, LineState};
 pub use hough::{HoughDriver, HoughDriverOptions, Mask};
 pub use hough_lanes::Sides;
+pub use human::{HumanDriver, HumanOptions};
 pub use lane::{LaneDriver, LaneOptions, LaneShape};
 pub use line::{ChoiceOptions, LineDriver, LineOptions};
 pub use loss::{LossOptions, Mode, WhileLost};

@@ -99,7 +99,7 @@ impl Answer {
     }
 }
 
-fn lock_rad(body: &Body) -> f64 {
+pub(crate) fn lock_rad(body: &Body) -> f64 {
     match body.steering {
         Steering::Ackermann {
             steering_limit_rad, ..

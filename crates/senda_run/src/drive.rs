@@ -67,7 +67,7 @@ pub fn run<W: Write + Seek>(
             body,
             Some(&world.path),
             scenario.speed_mps,
-            &scenario.driver_options,
+            &scenario.resolve_driver_options(),
         )
     };
     run_by(scenario, named, sink, ears)

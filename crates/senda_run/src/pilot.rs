@@ -3,8 +3,8 @@
 use crate::RunError;
 use senda_core::{Body, Command, Driver, Explanation, Observation, PrivilegedDriver, Truth};
 use senda_drivers::{
-    ExpertDriver, ExpertOptions, HoughDriver, HoughDriverOptions, LaneDriver, LaneOptions, LineDriver,
-    LineOptions, ManualDriver, NeuralDriver, NeuralOptions,
+    ExpertDriver, ExpertOptions, HoughDriver, HoughDriverOptions, HumanDriver, HumanOptions, LaneDriver,
+    LaneOptions, LineDriver, LineOptions, ManualDriver, NeuralDriver, NeuralOptions,
 };
 use senda_geom::Curve;
 use senda_nets::Model;
@@ -25,7 +25,7 @@ pub enum Pilot {
 }
 
 /// Names of all drivers, with what each does.
-pub const DRIVERS: [(&str, &str); 5] = [
+pub const DRIVERS: [(&str, &str); 6] = [
     ("line", "follows one line by camera (document C)"),
     ("lane", "stays between two lines by camera (document C)"),
     (
@@ -39,6 +39,10 @@ pub const DRIVERS: [(&str, &str); 5] = [
     (
         "expert",
         "is told the true state: for measuring and labelling only",
+    ),
+    (
+        "human",
+        "the same with a person's wandering, unrest and pedals: for laps to learn from (document B)",
     ),
 ];
 
@@ -90,6 +94,14 @@ impl Pilot {
                     driver: name.to_owned(),
                 })?;
                 Self::Privileged(Box::new(ExpertDriver::new(body, path.clone(), options)?))
+            }
+            "human" => {
+                let mut options: HumanOptions = parse_options(name, options)?;
+                options.set_speed(speed_mps);
+                let path = path.ok_or_else(|| RunError::NoTruth {
+                    driver: name.to_owned(),
+                })?;
+                Self::Privileged(Box::new(HumanDriver::new(body, path.clone(), options)?))
             }
             MANUAL => {
                 return Err(RunError::DriverOptions {

@@ -41,7 +41,7 @@ pub fn run(recording: Recording, options: &Options, ears: &mut Ears) -> Result<R
     let mut driver_options = toml::Table::new();
     let mut speed_mps = options.speed_mps;
     if let Some(scenario) = recorded.filter(|scenario| scenario.driver == driver) {
-        driver_options = scenario.driver_options;
+        driver_options = scenario.resolve_driver_options();
         speed_mps = speed_mps.or(scenario.speed_mps);
     }
     driver_options.extend(options.driver_options.clone());

@@ -16,7 +16,7 @@ pub struct Scenario {
     pub world: String,
     /// Ready vehicle (`gopigo`) or vehicle file.
     pub vehicle: String,
-    /// `line`, `lane`, `hough`, `neural` or `expert`.
+    /// `line`, `lane`, `hough`, `neural`, `expert` or `human`.
     pub driver: String,
     /// Laps to drive; on an open world, the way to its end counts as one. At least 1.
     #[serde(default = "one")]
@@ -174,6 +174,19 @@ impl Scenario {
             world = world.with_floor(floor)?;
         }
         Ok(if self.reverse { world.reversed() } else { world })
+    }
+
+    /// The driver's options; a person at the wheel is another one in every run.
+    pub fn resolve_driver_options(&self) -> toml::Table {
+        let mut options = self.driver_options.clone();
+        if self.driver == "human" && !options.contains_key("seed") {
+            // Files hold signed numbers.
+            options.insert(
+                "seed".to_owned(),
+                toml::Value::Integer((self.seed & i64::MAX as u64) as i64),
+            );
+        }
+        options
     }
 
     /// The vehicle with its image size applied.

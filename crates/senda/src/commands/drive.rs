@@ -27,7 +27,7 @@ pub(crate) struct ScenarioFlags {
     /// Ready vehicle or vehicle file
     #[arg(long, value_name = "VEHICLE")]
     pub(crate) vehicle: Option<String>,
-    /// line, lane, hough, neural or expert
+    /// line, lane, hough, neural, expert or human
     #[arg(long, value_name = "DRIVER")]
     pub(crate) driver: Option<String>,
     /// Trained network for the driver `neural`
