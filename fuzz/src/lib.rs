@@ -8,8 +8,8 @@ mod seeds;
 pub use seeds::seeds;
 
 use senda_core::{Body, Encoded, Image, Observation, Steering};
-use senda_data::{Edits, Recording, named_frames, tub, udacity as udacity_format};
-use senda_nets::{Imported, Inference, Model, Network};
+use senda_data::{Edits, Recording, darknet as labelled, named_frames, tub, udacity as udacity_format};
+use senda_nets::{Darknet, DarknetWeights, Imported, Inference, Model, Network, suppress};
 use senda_vision::calibration::Calibration;
 use senda_world::{VehicleSpec, World, paint};
 use std::io::Cursor;
@@ -30,6 +30,8 @@ pub const TARGETS: &[(&str, fn(&[u8]))] = &[
     ("network", network),
     ("model", model),
     ("onnx", onnx),
+    ("darknet", darknet),
+    ("labels", labels),
 ];
 
 /// World files. What is accepted is written so that it is read as the same world.
@@ -103,6 +105,59 @@ pub fn onnx(bytes: &[u8]) {
             Inference::new(network, &imported.weights, 1).run(&input);
         }
     }
+}
+
+/// Darknet's detectors: the bytes up to the first zero byte are the `.cfg`, the rest the `.weights`. What is accepted can be
+/// written, and runs.
+pub fn darknet(bytes: &[u8]) {
+    let split = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
+    let (cfg, weights) = bytes.split_at(split);
+    let Ok(darknet) = Darknet::parse("network.cfg", &String::from_utf8_lossy(cfg)) else {
+        return;
+    };
+    if let Ok(written) = darknet.to_cfg()
+        && let Err(error) = Darknet::parse("written.cfg", &written)
+    {
+        panic!("what was written is refused: {error}\n{written}");
+    }
+    let network = &darknet.network;
+    let weights = weights.get(1..).unwrap_or_default();
+    if network.multiply_adds() > 1_000_000
+        || network.layers().iter().any(|layer| layer.output.len() > 1 << 20)
+    {
+        return;
+    }
+    if let Ok(read) = DarknetWeights::from_bytes("network.weights", weights, network, None) {
+        let input = network.input();
+        let mut inference = Inference::new(network, &read.weights, 1);
+        let mut found = Vec::new();
+        let output = inference.run(&vec![0.5; input.len()]);
+        darknet
+            .detection
+            .decode(output, [input.width, input.height], 0.5, &mut found);
+        found.truncate(1000);
+        suppress(&mut found, 0.45);
+    }
+}
+
+/// Darknet's lists of pictures, names and boxes: the same text is tried as each.
+pub fn labels(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    if let Ok(data) = labelled::DataFile::parse(Path::new("set.data"), &text) {
+        let again = labelled::DataFile::parse(Path::new("set.data"), &data.to_text()).expect("our own text");
+        assert_eq!(again.classes, data.classes);
+    }
+    labelled::parse_names(&text);
+    let (boxes, _) = labelled::parse_labels(&text, 4);
+    assert_eq!(
+        labelled::parse_labels(&labelled::labels_to_text(&boxes), 4)
+            .0
+            .len(),
+        boxes
+            .iter()
+            .filter(|one| one.width.min(one.height) > 5e-7)
+            .count()
+    );
 }
 
 /// Vehicle files. As [`world`].

@@ -4,7 +4,7 @@ use crate::{body, root};
 use senda_core::{Channels, Command, Encoded, Explanation, Frame, Image, Observation, Stamp, Truth, codec};
 use senda_data::{RecordingHeader, RecordingWriter};
 use senda_geom::{Camera, Lens, Mounting, Vec2};
-use senda_nets::{InputSpec, Model, Network, OutputSpec, Provenance, Weights};
+use senda_nets::{Darknet, DarknetWeights, InputSpec, Model, Network, OutputSpec, Provenance, Weights};
 use senda_vision::calibration::{CalibrationOptions, Sheet, calibrate};
 use std::io::Cursor;
 use std::path::Path;
@@ -32,8 +32,43 @@ pub fn seeds(target: &str) -> Vec<(String, Vec<u8>)> {
         "network" => files(&root().join("networks")),
         "model" => vec![("tiny".into(), model().to_bytes())],
         "onnx" => vec![("tiny".into(), model().to_onnx())],
+        "darknet" => vec![
+            ("small".into(), detector()),
+            (
+                "tiny".into(),
+                include_bytes!("../../networks/yolov3-tiny.cfg").to_vec(),
+            ),
+        ],
+        "labels" => vec![
+            (
+                "boxes".into(),
+                b"0 0.5 0.5 0.1 0.2\n3 0.1 0.9 0.05 0.06\n".to_vec(),
+            ),
+            (
+                "set".into(),
+                b"classes=4\ntrain = train.txt\nvalid=valid.txt\nnames=set.names\nbackup=.\n".to_vec(),
+            ),
+        ],
         _ => Vec::new(),
     }
+}
+
+/// A small detector, a zero byte, its weights.
+fn detector() -> Vec<u8> {
+    let cfg = "[net]\nwidth=16\nheight=8\n[convolutional]\nbatch_normalize=1\nfilters=4\nsize=3\nstride=2\npad=1\n\
+        activation=leaky\n[maxpool]\nsize=2\nstride=1\n[convolutional]\nfilters=6\nactivation=linear\n\
+        [yolo]\nanchors=4,5\nclasses=1\n[route]\nlayers=-3\n[upsample]\nstride=2\n[convolutional]\nfilters=6\n\
+        activation=linear\n[yolo]\nanchors=4,5\nclasses=1\n";
+    let darknet = Darknet::parse("small.cfg", cfg).expect("a good detector");
+    let weights = DarknetWeights {
+        weights: Weights::random(&darknet.network, 1),
+        seen: 0,
+        convolutions: 0,
+    };
+    let mut bytes = cfg.as_bytes().to_vec();
+    bytes.push(0);
+    bytes.extend(weights.to_bytes(&darknet.network).expect("darknet's layers"));
+    bytes
 }
 
 /// A network that nobody trained, as a model.
@@ -49,6 +84,7 @@ fn model() -> Model {
         }],
         provenance: Provenance::default(),
         grids: vec![],
+        detection: None,
     }
 }
 

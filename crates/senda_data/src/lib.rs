@@ -34,6 +34,7 @@
 //! This crate does not know how a recording came about (simulator, robot, person) and prints nothing. Recordings and other
 //! people's data are never changed: edits lie beside them. A recording is read into memory whole.
 
+pub mod darknet;
 pub mod edits;
 pub mod error;
 pub mod export;

@@ -252,6 +252,7 @@ pub fn learn(
         outputs: learning.answers.iter().map(|answer| answer.output()).collect(),
         provenance: provenance(learning),
         grids: vec![],
+        detection: None,
     };
     let mut all = Samples::new(model.input.len(), learning.answers.len());
     let mut rounds: Vec<Round> = Vec::new();

@@ -47,6 +47,7 @@ fn gathered(threads: usize, with_model: bool) -> (Samples, usize, usize) {
         }],
         provenance: Provenance::default(),
         grids: vec![],
+        detection: None,
         network,
     };
     let brief = Brief {

@@ -136,6 +136,7 @@ fn write_quantised(folder: &Path, network: &Network) -> Result<(), Box<dyn std::
         outputs: vec![output; network.output_len()],
         provenance: Provenance::default(),
         grids: vec![],
+        detection: None,
     };
     let batch = 6;
     let inputs = noise(8, batch * shape.len());

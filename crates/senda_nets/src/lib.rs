@@ -35,7 +35,9 @@
 
 mod adopt;
 mod convolution;
+mod darknet;
 mod dense;
+mod detection;
 mod engine;
 mod error;
 mod fold;
@@ -58,6 +60,8 @@ mod window;
 mod workers;
 
 pub use adopt::{AdoptError, Adopted};
+pub use darknet::{Darknet, DarknetError, DarknetWeights};
+pub use detection::{Boxed, ClassScore, DetectionLoss, DetectionSpec, Head, Rect, Scorer, Scores, suppress};
 pub use error::{NetworkError, Problem};
 pub use inference::Inference;
 pub use input::{Colour, Crop, InputSpec, Preparer};

@@ -90,7 +90,10 @@ impl Network {
         })
     }
 
-    fn rewritten(&self, change: impl FnOnce(&mut crate::network::Parts)) -> Result<Self, NetworkError> {
+    pub(crate) fn rewritten(
+        &self,
+        change: impl FnOnce(&mut crate::network::Parts),
+    ) -> Result<Self, NetworkError> {
         let mut parts = crate::network::Parts {
             name: self.parts.name.clone(),
             description: self.parts.description.clone(),

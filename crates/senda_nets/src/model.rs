@@ -4,6 +4,7 @@
 //! (little-endian), a JSON header that places every tensor, the values as little-endian `f32` (kernels of a quantised model
 //! as `i8`, with `NAME.scale` beside them). What is more than weights stands in the header's `__metadata__` under `senda`.
 
+use crate::detection::DetectionSpec;
 use crate::quantised::{self, Grid, is_kernel, kernel_steps, scale_name};
 use crate::safetensors::{split, tensor_values};
 use crate::{Inference, InputSpec, Network, Tensor, Weights};
@@ -32,6 +33,8 @@ pub struct Model {
     pub provenance: Provenance,
     /// For a quantised model, the steps of every node's values (the input first) but the output's; empty for all others.
     pub grids: Vec<Grid>,
+    /// For a detector, what its output means; it has no `outputs` then.
+    pub detection: Option<DetectionSpec>,
 }
 
 /// One output of a network.
@@ -108,6 +111,8 @@ struct Head {
     provenance: Provenance,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     grids: Vec<Grid>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    detection: Option<DetectionSpec>,
 }
 
 impl Model {
@@ -130,6 +135,7 @@ impl Model {
             outputs: self.outputs.clone(),
             provenance: self.provenance.clone(),
             grids: self.grids.clone(),
+            detection: self.detection.clone(),
         };
         let mut header = Map::new();
         let text = serde_json::to_string(&head).unwrap_or_default();
@@ -247,7 +253,13 @@ impl Model {
                 "train it anew",
             ));
         }
-        if head.outputs.len() != network.output_len() {
+        if let Some(detection) = &head.detection {
+            let fault = detection.fault(&network);
+            let both = (!head.outputs.is_empty()).then(|| "it describes outputs beside boxes".to_owned());
+            if let Some(fault) = fault.or(both) {
+                return Err(wrong(format!("its boxes do not fit ({fault})"), "train it anew"));
+            }
+        } else if head.outputs.len() != network.output_len() {
             return Err(wrong(
                 format!(
                     "it describes {} outputs of {}",
@@ -277,6 +289,7 @@ impl Model {
             outputs: head.outputs,
             provenance: head.provenance,
             grids: head.grids,
+            detection: head.detection,
         })
     }
 
@@ -426,6 +439,7 @@ mod tests {
                 ..Provenance::default()
             },
             grids: vec![],
+            detection: None,
             network,
         }
     }

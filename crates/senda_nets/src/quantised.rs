@@ -213,6 +213,7 @@ mod tests {
             }],
             provenance: Provenance::default(),
             grids: vec![],
+            detection: None,
         }
     }
 

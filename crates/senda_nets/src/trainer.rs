@@ -178,7 +178,12 @@ struct Batch<'a> {
     inputs: &'a [f32],
     targets: &'a [f32],
     sample_weights: Option<&'a [f32]>,
+    /// Instead of targets: what one sample's outputs cost, and the slope of that.
+    judge: Option<&'a Judge<'a>>,
 }
+
+/// Loss of one sample's outputs, whose gradient replaces what is in the last argument.
+type Judge<'a> = dyn Fn(usize, &[f32], &mut [f32]) -> f64 + Sync + 'a;
 
 impl Trainer {
     /// Prepares training from the given weights.
@@ -334,6 +339,26 @@ impl Trainer {
             inputs,
             targets,
             sample_weights,
+            judge: None,
+        };
+        let loss = self.gradients(batch);
+        self.descend(batch.groups(self.engine.chunk));
+        loss
+    }
+
+    /// One step of gradient descent on a loss that targets cannot express: `judge` takes a sample's place in the batch and its
+    /// outputs, gives their loss and writes its gradient. Gives the mean over the batch, before the step.
+    ///
+    /// # Panics
+    /// When the inputs are no whole number of samples, or none.
+    pub fn step_judged(&mut self, inputs: &[f32], judge: &Judge) -> f32 {
+        let batch = Batch {
+            steps: 1,
+            sequences: inputs.len() / self.engine.network.input().len(),
+            inputs,
+            targets: &[],
+            sample_weights: None,
+            judge: Some(judge),
         };
         let loss = self.gradients(batch);
         self.descend(batch.groups(self.engine.chunk));
@@ -456,6 +481,7 @@ impl Trainer {
             inputs,
             targets,
             sample_weights: None,
+            judge: None,
         };
         let running: Vec<f32> = self.weights.values.clone();
         let loss = self.gradients(batch);
@@ -836,7 +862,7 @@ impl Batch<'_> {
         assert!(
             count > 0
                 && self.inputs.len() == count * network.input().len()
-                && self.targets.len() == count * network.output_len()
+                && (self.judge.is_some() || self.targets.len() == count * network.output_len())
                 && self.sample_weights.is_none_or(|weights| weights.len() == count),
             "expected {count} inputs, targets and sample weights, but found {}, {} and {:?} values",
             self.inputs.len(),
@@ -949,6 +975,9 @@ impl Pass<'_> {
     fn loss(&self, frame: &mut Frame, step: usize) -> f64 {
         let outputs = self.engine.network.output_len();
         let node = self.engine.layers.len();
+        if let Some(judge) = self.batch.judge {
+            return self.judged(frame, judge);
+        }
         let total = (self.batch.steps * self.batch.sequences * outputs) as f32;
         let mut sum = 0.0;
         for image in 0..self.count() {
@@ -964,6 +993,22 @@ impl Pass<'_> {
                 if let Some(gradient) = frame.gradients[node].get_mut(place) {
                     *gradient = weight * slope;
                 }
+            }
+        }
+        sum
+    }
+
+    fn judged(&self, frame: &mut Frame, judge: &Judge) -> f64 {
+        let outputs = self.engine.network.output_len();
+        let node = self.engine.layers.len();
+        let share = 1.0 / self.batch.sequences as f32;
+        let mut sum = 0.0;
+        for image in 0..self.count() {
+            let range = image * outputs..(image + 1) * outputs;
+            let gradient = &mut frame.gradients[node][range.clone()];
+            sum += judge(self.first() + image, &frame.values[node][range], gradient) * f64::from(share);
+            for slope in gradient {
+                *slope *= share;
             }
         }
         sum

@@ -347,6 +347,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         input,
         provenance,
         grids: vec![],
+        detection: None,
     };
     model.save(&arguments.out)?;
     let in_folder = arguments.folder.as_ref().map(|folder| folder.join("report.html"));

@@ -171,6 +171,7 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
         network: imported.network,
         weights: imported.weights,
         grids: vec![],
+        detection: None,
     };
     model.save(&arguments.out)?;
     if arguments.json {
