@@ -45,6 +45,8 @@ enum Command {
     Evaluate(commands::evaluate::Arguments),
     /// Look into trained networks, bring them in and out, take them to 8 bits
     Model(commands::model::Arguments),
+    /// Find signs and lights: make pictures, train, evaluate, run
+    Detector(commands::detector::Arguments),
     /// Show networks as lists of layers
     Net(commands::net::Arguments),
     /// Measure senda's speed on this machine
@@ -73,6 +75,7 @@ fn main() -> std::process::ExitCode {
         Some(Command::Train(arguments)) => commands::train::run(arguments),
         Some(Command::Evaluate(arguments)) => commands::evaluate::run(arguments),
         Some(Command::Model(arguments)) => commands::model::run(arguments),
+        Some(Command::Detector(arguments)) => commands::detector::run(arguments),
         Some(Command::Net(arguments)) => commands::net::run(arguments),
         Some(Command::Bench(arguments)) => commands::bench::run(arguments),
     };

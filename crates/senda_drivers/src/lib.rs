@@ -40,6 +40,7 @@
 mod along_path;
 mod association;
 mod candidate;
+pub mod detector;
 pub mod expert;
 pub mod follow;
 mod helm;
@@ -65,6 +66,7 @@ pub mod study;
 #[cfg(test)]
 mod test_vehicle;
 
+pub use detector::NetworkDetector;
 pub use expert::{ExpertDriver, ExpertOptions};
 pub use follow::{FollowOptions, Form, LineState};
 pub use hough::{HoughDriver, HoughDriverOptions, Mask};

@@ -38,6 +38,16 @@ pub(crate) fn fingerprint(lesson: &Lesson, beginning: &Weights) -> String {
     format!("{:016x}", digest.0)
 }
 
+/// The same for experiments that are no [`Lesson`]: everything that must be equal, as bytes.
+pub(crate) fn fingerprint_of(parts: &[&[u8]], beginning: &Weights) -> String {
+    let mut digest = Digest::default();
+    for part in parts {
+        digest.add(part);
+    }
+    digest.add_values(&beginning.values);
+    format!("{:016x}", digest.0)
+}
+
 /// FNV-1a, 64 bits: tells experiments apart, guards against nothing.
 struct Digest(u64);
 

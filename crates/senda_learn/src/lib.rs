@@ -25,6 +25,7 @@ pub mod augment;
 mod balance;
 mod checkpoint;
 pub mod correct;
+pub mod detector;
 mod error;
 pub mod gather;
 pub mod learn;

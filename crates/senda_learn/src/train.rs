@@ -71,7 +71,7 @@ pub enum Schedule {
 
 impl Schedule {
     /// The factor at a part 0..=1 of the way.
-    fn factor(self, part: f64) -> f64 {
+    pub(crate) fn factor(self, part: f64) -> f64 {
         match self {
             Self::Constant => 1.0,
             Self::Smooth => 1.0 - 0.98 * part * part * (3.0 - 2.0 * part),
@@ -313,7 +313,7 @@ pub(crate) struct Progress {
 }
 
 impl Progress {
-    fn epoch(&mut self, epoch: Epoch, weights: &Weights) {
+    pub(crate) fn epoch(&mut self, epoch: Epoch, weights: &Weights) {
         let error = |epoch: &Epoch| {
             epoch
                 .validation
@@ -327,7 +327,7 @@ impl Progress {
         self.history.push(epoch);
     }
 
-    fn finish(self, last: &Weights) -> Trained {
+    pub(crate) fn finish(self, last: &Weights) -> Trained {
         Trained {
             weights: self.best.unwrap_or_else(|| last.clone()),
             best_epoch: self.best_epoch,

@@ -61,7 +61,9 @@ mod workers;
 
 pub use adopt::{AdoptError, Adopted};
 pub use darknet::{Darknet, DarknetError, DarknetWeights};
-pub use detection::{Boxed, ClassScore, DetectionLoss, DetectionSpec, Head, Rect, Scorer, Scores, suppress};
+pub use detection::{
+    Boxed, ClassScore, DetectionLoss, DetectionSpec, Finder, Head, Rect, Scorer, Scores, suppress,
+};
 pub use error::{NetworkError, Problem};
 pub use inference::Inference;
 pub use input::{Colour, Crop, InputSpec, Preparer};

@@ -1,8 +1,10 @@
 //! What a detector's output means (D7 in SPEC): boxes from anchors, their loss, and how good they are.
 
+mod finder;
 mod loss;
 mod score;
 
+pub use finder::Finder;
 pub use loss::DetectionLoss;
 pub use score::{ClassScore, Scorer, Scores};
 

@@ -1,0 +1,250 @@
+//! `senda detector`: signs and lights in pictures (D7 in SPEC).
+
+mod data;
+mod train;
+
+use crate::terminal;
+use anyhow::{Context, Result, anyhow, bail};
+use clap::{Args, Subcommand};
+use senda_core::{Encoded, Image};
+use senda_data::darknet::DataFile;
+use senda_learn::detector::{Pictures, evaluate, finder};
+use senda_nets::{Boxed, Model, Scores};
+use std::path::{Path, PathBuf};
+
+#[derive(Args)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Make pictures with exact boxes in the simulator, as a darknet data set
+    Data(data::Arguments),
+    /// Train a detector on a darknet data set
+    Train(train::Arguments),
+    /// How good a detector is on the pictures that judge: average precision, precision, recall
+    Evaluate {
+        /// Model file
+        model: PathBuf,
+        /// `.data` file of the data set
+        data: PathBuf,
+        /// Confidence from which a box counts for precision and recall
+        #[arg(long, value_name = "PART", default_value_t = 0.5)]
+        threshold: f32,
+        /// Judge on the pictures to learn from
+        #[arg(long)]
+        train: bool,
+        /// Print as JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Find things in a picture and draw boxes around them
+    Run {
+        /// Model file
+        model: PathBuf,
+        /// JPEG or PNG
+        picture: PathBuf,
+        /// Confidence from which a box is drawn
+        #[arg(long, value_name = "PART", default_value_t = 0.5)]
+        threshold: f32,
+        /// Where the picture with boxes is written (PNG)
+        #[arg(short, long, value_name = "FILE")]
+        out: Option<PathBuf>,
+        /// Print as JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Write a detector as darknet's `.cfg`, `.weights` and `.names`
+    Export {
+        /// Model file
+        model: PathBuf,
+        /// Folder to write into
+        folder: PathBuf,
+    },
+}
+
+pub(crate) fn run(arguments: Arguments) -> Result<()> {
+    match arguments.command {
+        Command::Data(arguments) => data::run(arguments),
+        Command::Train(arguments) => train::run(arguments),
+        Command::Evaluate {
+            model,
+            data,
+            threshold,
+            train,
+            json,
+        } => judge(&model, &data, threshold, train, json),
+        Command::Run {
+            model,
+            picture,
+            threshold,
+            out,
+            json,
+        } => find(&model, &picture, threshold, out.as_deref(), json),
+        Command::Export { model, folder } => train::export(&model, &folder),
+    }
+}
+
+/// A `.data` file and one of its lists.
+fn list(path: &Path, of_training: bool) -> Result<(DataFile, PathBuf)> {
+    let data = DataFile::load(path)?;
+    let (key, list) = if of_training {
+        ("train", &data.train)
+    } else {
+        ("valid", &data.valid)
+    };
+    let list = list
+        .clone()
+        .ok_or_else(|| anyhow!("{}: expected the key {key}, but found none", path.display()))?;
+    for warning in &data.warnings {
+        eprintln!("warning: {warning}");
+    }
+    Ok((data, list))
+}
+
+fn warn(pictures: &Pictures) {
+    for warning in pictures.warnings.iter().take(20) {
+        eprintln!("warning: {warning}");
+    }
+}
+
+fn judge(model: &Path, file: &Path, threshold: f32, of_training: bool, json: bool) -> Result<()> {
+    let model = Model::load(model)?;
+    finder(&model, threshold)?;
+    let (data, list) = list(file, of_training)?;
+    let pictures = Pictures::load(&data, file, &list, &model.input)?;
+    warn(&pictures);
+    let classes = model
+        .detection
+        .as_ref()
+        .map_or(0, |detection| detection.classes.len());
+    if data.classes != classes {
+        bail!(
+            "{}: expected {classes} classes as the model has, but found {}",
+            file.display(),
+            data.classes
+        );
+    }
+    let bar = terminal::bar("looking");
+    let begin_ns = terminal::clock_ns();
+    let scores = evaluate(&model, &pictures, threshold, &mut |done, of| {
+        bar.set_position((1000 * done / of.max(1)) as u64);
+    })?;
+    let ms = 1e3 * terminal::seconds_since(begin_ns) / pictures.len() as f64;
+    bar.finish_and_clear();
+    if json {
+        let value = serde_json::json!({
+            "pictures": pictures.len(),
+            "threshold": threshold,
+            "scores": scores,
+            "ms_per_picture": ms,
+        });
+        println!("{}", serde_json::to_string_pretty(&value)?);
+        return Ok(());
+    }
+    println!("{} pictures, {ms:.2} ms each", pictures.len());
+    print_scores(&model, &scores, threshold);
+    Ok(())
+}
+
+fn print_scores(model: &Model, scores: &Scores, threshold: f32) {
+    println!(
+        "mAP at overlap 0.5: {:.1} %; precision and recall at confidence {threshold}",
+        100.0 * scores.mean_average_precision
+    );
+    let names = model.detection.iter().flat_map(|detection| &detection.classes);
+    let part = |part: Option<f64>| part.map_or("-".to_owned(), |part| format!("{:.1} %", 100.0 * part));
+    for (name, class) in names.zip(&scores.classes) {
+        println!(
+            "  {name:14} AP {:>7}  precision {:>7}  recall {:>7}  of {}",
+            part(class.average_precision),
+            part(class.precision),
+            part(class.recall),
+            class.truths
+        );
+    }
+}
+
+fn find(model: &Path, picture: &Path, threshold: f32, out: Option<&Path>, json: bool) -> Result<()> {
+    let model = Model::load(model)?;
+    let mut finder = finder(&model, threshold)?;
+    let name = picture.display();
+    let bytes = std::fs::read(picture).with_context(|| format!("cannot read {name}"))?;
+    let mut image = Encoded::recognise(bytes)
+        .and_then(|encoded| encoded.decode())
+        .with_context(|| format!("{name}"))?;
+    if image.is_empty() {
+        bail!("{name}: expected a picture, but found an empty one");
+    }
+    let found = finder.find(&image).to_vec();
+    let classes = finder.classes();
+    if let Some(out) = out {
+        for one in &found {
+            outline(&mut image, one);
+        }
+        let encoded = senda_core::codec::encode_png(&image)?;
+        super::write_file(out, &encoded.bytes)?;
+    }
+    if json {
+        let found: Vec<serde_json::Value> = found
+            .iter()
+            .map(|one| serde_json::json!({ "class": classes[one.class], "confidence": one.confidence, "rect": one.rect }))
+            .collect();
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&serde_json::json!({ "found": found }))?
+        );
+        return Ok(());
+    }
+    for one in &found {
+        let rect = one.rect;
+        println!(
+            "{:14} {:>3.0} %  middle {:.3} {:.3}, size {:.3} {:.3} (parts of the picture)",
+            classes[one.class],
+            100.0 * one.confidence,
+            rect.x,
+            rect.y,
+            rect.width,
+            rect.height
+        );
+    }
+    if found.is_empty() {
+        println!("nothing found");
+    }
+    Ok(())
+}
+
+/// Draws a box's edges, a colour for each class.
+fn outline(image: &mut Image, one: &Boxed) {
+    const COLOURS: [[u8; 3]; 6] = [
+        [40, 220, 90],
+        [255, 50, 50],
+        [255, 180, 0],
+        [220, 60, 255],
+        [0, 200, 255],
+        [255, 255, 255],
+    ];
+    let colour = COLOURS[one.class % COLOURS.len()];
+    let (width, height) = (image.width(), image.height());
+    let count = image.channels().count();
+    let edge = |place: f32, full: usize| ((place * full as f32).max(0.0) as usize).min(full - 1);
+    let rect = one.rect;
+    let (left, right) = (
+        edge(rect.x - 0.5 * rect.width, width),
+        edge(rect.x + 0.5 * rect.width, width),
+    );
+    let (top, bottom) = (
+        edge(rect.y - 0.5 * rect.height, height),
+        edge(rect.y + 0.5 * rect.height, height),
+    );
+    for v in top..=bottom {
+        let row = image.row_mut(v);
+        for u in left..=right {
+            if v == top || v == bottom || u == left || u == right {
+                row[u * count..(u + 1) * count].copy_from_slice(&colour[..count]);
+            }
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! `senda detector data`: a darknet data set from the simulator.
+
+use crate::commands::{drive::parse_size, write_file};
+use crate::terminal;
+use anyhow::{Result, bail};
+use clap::Args;
+use senda_data::darknet::{DataFile, labels_to_text};
+use senda_learn::detector::{CLASSES, Scenes, shots};
+use std::path::PathBuf;
+
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Folder to write into: `set.data`, `set.names`, `train.txt`, `valid.txt` and the folders `train` and `valid`
+    folder: PathBuf,
+    /// Pictures to learn from
+    #[arg(long, value_name = "N", default_value_t = 2000)]
+    train: usize,
+    /// Pictures that judge, from other warehouses
+    #[arg(long, value_name = "N", default_value_t = 400)]
+    valid: usize,
+    /// Seed of the first warehouse to learn from
+    #[arg(long, value_name = "S", default_value_t = 2_000_000)]
+    first_world: u64,
+    /// Seed of the first warehouse that judges
+    #[arg(long, value_name = "S", default_value_t = 10_000)]
+    first_valid_world: u64,
+    /// Vehicle whose camera looks
+    #[arg(long, value_name = "VEHICLE", default_value = "warehouse-cart")]
+    vehicle: String,
+    /// Image size
+    #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "320x240")]
+    image: [u32; 2],
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: Arguments) -> Result<()> {
+    let folder = &arguments.folder;
+    let bar = terminal::bar("taking pictures");
+    let total = (arguments.train + arguments.valid).max(1);
+    let mut boxes = [0usize; CLASSES.len()];
+    let mut taken = 0;
+    for (name, count, first_world) in [
+        ("train", arguments.train, arguments.first_world),
+        ("valid", arguments.valid, arguments.first_valid_world),
+    ] {
+        let scenes = Scenes {
+            vehicle: arguments.vehicle.clone(),
+            image_px: arguments.image,
+            first_world,
+            count,
+        };
+        let progress = |done: usize| bar.set_position((1000 * (taken + done) / total) as u64);
+        let shots = shots(&scenes, &progress, &terminal::interrupted)?;
+        if terminal::interrupted() {
+            bail!("interrupted: the data set is not whole");
+        }
+        let mut list = String::new();
+        for shot in &shots {
+            let picture = format!("{name}/{}.jpg", shot.name);
+            write_file(&folder.join(&picture), &shot.picture.bytes)?;
+            let labels = labels_to_text(&shot.labels);
+            write_file(
+                &folder.join(format!("{name}/{}.txt", shot.name)),
+                labels.as_bytes(),
+            )?;
+            list.push_str(&picture);
+            list.push('\n');
+            for label in &shot.labels {
+                boxes[label.class] += 1;
+            }
+        }
+        write_file(&folder.join(format!("{name}.txt")), list.as_bytes())?;
+        taken += count;
+    }
+    bar.finish_and_clear();
+    let data = DataFile {
+        classes: CLASSES.len(),
+        train: Some("train.txt".into()),
+        valid: Some("valid.txt".into()),
+        names: Some("set.names".into()),
+        backup: Some("backup".into()),
+        ..DataFile::default()
+    };
+    write_file(
+        &folder.join("set.names"),
+        format!("{}\n", CLASSES.join("\n")).as_bytes(),
+    )?;
+    // Last: whoever finds it finds the rest.
+    let file = folder.join("set.data");
+    write_file(&file, data.to_text().as_bytes())?;
+    if arguments.json {
+        let value = serde_json::json!({
+            "data": file,
+            "train": arguments.train,
+            "valid": arguments.valid,
+            "boxes": CLASSES.iter().zip(boxes).collect::<std::collections::BTreeMap<_, _>>(),
+        });
+        println!("{}", serde_json::to_string_pretty(&value)?);
+        return Ok(());
+    }
+    println!(
+        "{}: {} pictures to learn from, {} to judge",
+        file.display(),
+        arguments.train,
+        arguments.valid
+    );
+    for (class, count) in CLASSES.iter().zip(boxes) {
+        println!("  {class:14} {count} boxes");
+    }
+    Ok(())
+}

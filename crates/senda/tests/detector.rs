@@ -1,0 +1,181 @@
+//! From the simulator's pictures to a detector, as a user types it.
+
+use assert_cmd::Command;
+use predicates::prelude::*;
+use predicates::str::contains;
+use std::path::Path;
+
+fn senda(arguments: &[&str]) -> assert_cmd::assert::Assert {
+    Command::cargo_bin("senda").unwrap().args(arguments).assert()
+}
+
+fn json(arguments: &[&str]) -> serde_json::Value {
+    let output = senda(arguments).success();
+    serde_json::from_slice(&output.get_output().stdout).unwrap()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// A few small pictures and a detector that was trained for a moment.
+fn trained(folder: &Path) -> serde_json::Value {
+    let made = json(&[
+        "detector",
+        "data",
+        text(folder),
+        "--train",
+        "6",
+        "--valid",
+        "3",
+        "--image",
+        "80x60",
+        "--json",
+    ]);
+    assert_eq!(made["train"], 6);
+    train(folder, "a.senda", &["--folder", text(&folder.join("kept"))])
+}
+
+fn train(folder: &Path, out: &str, more: &[&str]) -> serde_json::Value {
+    let (data, out) = (folder.join("set.data"), folder.join(out));
+    let mut arguments = vec![
+        "detector",
+        "train",
+        text(&data),
+        "--input",
+        "80x64",
+        "--epochs",
+        "3",
+        "--batch",
+        "3",
+    ];
+    arguments.extend(["--out", text(&out), "--json"]);
+    arguments.extend(more);
+    json(&arguments)
+}
+
+#[test]
+fn pictures_are_made_learned_and_judged_twice_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let result = trained(folder.path());
+    let history = result["history"].as_array().unwrap();
+    assert_eq!(history.len(), 3);
+    let loss = |epoch: usize| history[epoch]["training_loss"].as_f64().unwrap();
+    assert!(loss(2) < loss(0), "{result}");
+    // Another number of threads, and a start from the kept checkpoint: the same.
+    let other = train(folder.path(), "b.senda", &["--jobs", "1"]);
+    let resumed = train(folder.path(), "c.senda", &["--folder", text(&at("kept"))]);
+    for other in [&other, &resumed] {
+        assert_eq!(other["history"], result["history"]);
+        assert_eq!(other["validation"], result["validation"]);
+    }
+    let judged = json(&[
+        "detector",
+        "evaluate",
+        text(&at("a.senda")),
+        text(&at("set.data")),
+        "--json",
+    ]);
+    assert_eq!(judged["scores"], result["validation"]);
+    assert_eq!(judged["pictures"], 3);
+
+    let list = std::fs::read_to_string(at("valid.txt")).unwrap();
+    let picture = at(list.lines().next().unwrap());
+    let drawn = at("drawn.png");
+    let run = [
+        "detector",
+        "run",
+        text(&at("a.senda")),
+        text(&picture),
+        "--threshold",
+        "0",
+        "--json",
+    ]
+    .map(str::to_owned);
+    let run: Vec<&str> = run.iter().map(String::as_str).collect();
+    let found = json(&[&run[..], &["--out", text(&drawn)]].concat());
+    assert!(!found["found"].as_array().unwrap().is_empty());
+    assert!(std::fs::read(&drawn).unwrap().starts_with(b"\x89PNG"));
+
+    // Darknet's files of it are read back.
+    senda(&["detector", "export", text(&at("a.senda")), text(&at("dark"))]).success();
+    let cfg = at("dark/detector.cfg");
+    let weights = at("dark/detector.weights");
+    train(
+        folder.path(),
+        "d.senda",
+        &[
+            "--network",
+            text(&cfg),
+            "--weights",
+            text(&weights),
+            "--epochs",
+            "1",
+        ],
+    );
+    // A detector is no driver.
+    senda(&[
+        "drive",
+        "--world",
+        "oval-lane",
+        "--vehicle",
+        "picar",
+        "--driver",
+        "neural",
+        "--model",
+        text(&at("a.senda")),
+    ])
+    .failure()
+    .stderr(contains("steering"));
+}
+
+#[test]
+fn broken_sets_and_files_are_refused_with_words() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    trained(folder.path());
+    let fails = |arguments: &[&str], words: &str| {
+        senda(&[&["detector"], arguments].concat())
+            .failure()
+            .stderr(contains(words).and(contains("panicked").not()));
+    };
+    let data = at("set.data");
+    fails(&["train", text(&at("missing.data"))], "missing.data");
+    fails(&["train", text(&data), "--network", "yolov9"], "detector-small");
+    fails(&["train", text(&data), "--epochs", "0"], "epochs");
+    let cut = at("cut.weights");
+    std::fs::write(&cut, [0u8; 30]).unwrap();
+    fails(&["train", text(&data), "--weights", text(&cut)], "cut.weights");
+    let cfg = at("odd.cfg");
+    std::fs::write(&cfg, "[net]\nwidth=32\nheight=32\n[reorg]\n").unwrap();
+    fails(&["train", text(&data), "--network", text(&cfg)], "odd.cfg:4");
+    let lane = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/lane-small.senda");
+    fails(&["evaluate", text(&lane), text(&data)], "expected a detector");
+    fails(&["run", text(&at("a.senda")), text(&data)], "set.data");
+
+    // A picture and a label that are broken cost only themselves.
+    let first = std::fs::read_to_string(at("train.txt")).unwrap();
+    let first = at(first.lines().next().unwrap());
+    std::fs::write(&first, "no picture").unwrap();
+    let label = std::fs::read_to_string(at("valid.txt")).unwrap();
+    let label = at(label.lines().next().unwrap()).with_extension("txt");
+    std::fs::write(&label, "9 0.5 0.5 0.1 0.1\n").unwrap();
+    senda(&[
+        "detector",
+        "train",
+        text(&data),
+        "--input",
+        "80x64",
+        "--epochs",
+        "1",
+        "--out",
+        text(&at("e.senda")),
+        "--json",
+    ])
+    .success()
+    .stdout(contains("\"training_pictures\": 5"))
+    .stderr(contains("left out"));
+    std::fs::write(at("train.txt"), "").unwrap();
+    fails(&["train", text(&data)], "train.txt");
+}
