@@ -66,3 +66,71 @@ impl Detector for NetworkDetector {
         &self.found
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use senda_core::Channels;
+    use senda_nets::{Crop, Darknet, InputSpec, Network, Provenance, Weights};
+
+    fn model(classes: [&str; 4]) -> Model {
+        let darknet = Darknet::find("detector-small")
+            .unwrap()
+            .with_classes(&classes.map(str::to_owned))
+            .unwrap();
+        Model {
+            weights: Weights::random(&darknet.network, 5),
+            input: InputSpec::of(darknet.network.input()),
+            network: darknet.network,
+            outputs: vec![],
+            provenance: Provenance::default(),
+            grids: vec![],
+            detection: Some(darknet.detection),
+        }
+    }
+
+    fn frame() -> Image {
+        let pixels = (0..320 * 240 * 3).map(|i| (i * 31 % 251) as u8).collect();
+        Image::from_pixels(320, 240, Channels::Rgb, pixels).unwrap()
+    }
+
+    #[test]
+    fn boxes_are_pixels_of_the_frame_and_the_same_every_time() {
+        let mut model = model(
+            ObjectClass::DOCUMENT
+                .map(|class| class.name())
+                .each_ref()
+                .map(String::as_str),
+        );
+        // What is cut off above moves boxes down again.
+        for top in [0.0, 0.5] {
+            model.input.crop = Crop {
+                top,
+                ..Crop::default()
+            };
+            let mut detector = NetworkDetector::new(&model, 0.05).unwrap();
+            let found = detector.detect(&frame()).to_vec();
+            assert!(!found.is_empty());
+            for one in &found {
+                let [left, upper, right, lower] = one.box_px;
+                assert!(0.0 <= left && left < right && right <= 320.0, "{one:?}");
+                assert!(upper < lower && lower <= 240.0, "{one:?}");
+                assert!(one.middle_px()[1] >= 240.0 * top as f32, "{one:?}");
+            }
+            assert!(found.is_sorted_by(|a, b| a.confidence >= b.confidence));
+            assert_eq!(detector.detect(&frame()), found);
+            assert!(detector.detect(&Image::default()).is_empty());
+        }
+    }
+
+    #[test]
+    fn models_of_other_things_are_refused() {
+        let error = NetworkDetector::new(&model(["green-light", "red-light", "cat", "dog"]), 0.5);
+        assert!(error.err().unwrap().to_string().contains("\"cat\""));
+        let mut driver = model(["a", "b", "c", "d"]);
+        driver.network = Network::named("tinypilotnet").unwrap();
+        driver.detection = None;
+        let error = NetworkDetector::new(&driver, 0.5);
+        assert!(error.err().unwrap().to_string().contains("gives no boxes"));
+    }
+}

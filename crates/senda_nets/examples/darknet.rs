@@ -2,6 +2,11 @@
 //! engine answers and finds, and its ONNX form; measures the time of an answer.
 //!
 //! `cargo run --release -p senda_nets --example darknet -- FOLDER [DETECTOR...]`
+#![allow(
+    clippy::print_stdout,
+    clippy::disallowed_types,
+    reason = "a measurement for a person to read"
+)]
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -38,8 +43,6 @@ fn weights(darknet: &Darknet) -> Weights {
     weights
 }
 
-// An example measures by the wall clock; nothing depends on it.
-#[allow(clippy::disallowed_types)]
 fn write(folder: &Path, darknet: &Darknet) -> Result<(), Box<dyn std::error::Error>> {
     std::fs::create_dir_all(folder)?;
     let network = &darknet.network;
