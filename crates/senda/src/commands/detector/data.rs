@@ -2,11 +2,11 @@
 
 use crate::commands::{drive::parse_size, write_file};
 use crate::terminal;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use senda_data::darknet::{DataFile, labels_to_text};
 use senda_learn::detector::{CLASSES, Scenes, shots};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub(crate) struct Arguments {
@@ -35,6 +35,11 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
+/// One of thousands of small files: the list that names them comes last, so none needs to be seen onto the disk alone.
+fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+}
+
 pub(super) fn run(arguments: Arguments) -> Result<()> {
     let folder = &arguments.folder;
     let bar = terminal::bar("taking pictures");
@@ -56,12 +61,14 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
         if terminal::interrupted() {
             bail!("interrupted: the data set is not whole");
         }
+        std::fs::create_dir_all(folder.join(name))
+            .with_context(|| format!("cannot make folder {}", folder.join(name).display()))?;
         let mut list = String::new();
         for shot in &shots {
             let picture = format!("{name}/{}.jpg", shot.name);
-            write_file(&folder.join(&picture), &shot.picture.bytes)?;
+            write(&folder.join(&picture), &shot.picture.bytes)?;
             let labels = labels_to_text(&shot.labels);
-            write_file(
+            write(
                 &folder.join(format!("{name}/{}.txt", shot.name)),
                 labels.as_bytes(),
             )?;
