@@ -383,6 +383,9 @@ mod tests {
             ("train.txt", "images/a.jpg\nimages/b.jpg\r\nimages/c.jpg\n"),
             ("images/a.txt", "0 0.5 0.5 0.2 0.2\n1 2\n"),
             ("labels/b.txt", "1 0.5 0.5 0.2 0.2\n"),
+            ("images/a.jpg", ""),
+            ("images/b.jpg", ""),
+            ("images/c.jpg", ""),
         ] {
             std::fs::write(at(name), text).unwrap();
         }
