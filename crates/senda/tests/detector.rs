@@ -105,14 +105,7 @@ fn pictures_are_made_learned_and_judged_twice_the_same() {
     train(
         folder.path(),
         "d.senda",
-        &[
-            "--network",
-            text(&cfg),
-            "--weights",
-            text(&weights),
-            "--epochs",
-            "1",
-        ],
+        &["--network", text(&cfg), "--weights", text(&weights)],
     );
     // A detector is no driver.
     senda(&[
