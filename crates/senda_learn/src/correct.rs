@@ -332,7 +332,11 @@ fn one(brief: &Brief, spec: &VehicleSpec, model: Option<&Model>, number: u64) ->
         };
         let position = truth.world_from_vehicle.position();
         let place = match station_m {
-            Some(station_m) => path.project_near(position, station_m, 0.4),
+            Some(station_m) => {
+                // As far as the expert looks: a car moves further between two frames than a toy.
+                let moved_m = 2.0 * truth.speed_mps.abs() * body.period_s;
+                path.project_near(position, station_m, moved_m.max(0.4))
+            }
             None => path.project(position),
         };
         station_m = Some(place.station_m);

@@ -3,8 +3,8 @@
 use crate::samples::is_possible;
 use crate::{LearnError, Samples};
 use rayon::prelude::*;
-use senda_core::{Body, Image};
-use senda_data::Recording;
+use senda_core::{Body, Drive, Image};
+use senda_data::{Recording, Step};
 use senda_drivers::Answer;
 use senda_geom::Camera;
 use senda_nets::InputSpec;
@@ -145,7 +145,7 @@ fn add(
                         name => step.frames.iter().find(|frame| frame.camera == name),
                     }?;
                     let command = &step.command;
-                    if selection.skip_standing && body.speed_of(command).abs() < 1e-6 {
+                    if selection.skip_standing && is_standing(body, step) {
                         return None;
                     }
                     if !command.is_finite() {
@@ -212,6 +212,23 @@ fn add(
         }
     }
     Ok(())
+}
+
+/// Slower than this a car whose pedal is released stands (m/s).
+const ROLLING_MPS: f64 = 0.1;
+
+/// Whether the vehicle was told to stand. Coasting and braking are part of driving by throttle: there a measured speed
+/// decides, where there is one.
+fn is_standing(body: &Body, step: &Step) -> bool {
+    let told = body.speed_of(&step.command).abs() < 1e-6;
+    match step.command.drive {
+        Drive::SpeedMps(_) => told,
+        Drive::Throttle(_) => {
+            told && step
+                .speed_mps
+                .is_none_or(|speed_mps| speed_mps.abs() < ROLLING_MPS)
+        }
+    }
 }
 
 /// The name in a world's TOML.

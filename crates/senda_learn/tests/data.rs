@@ -108,6 +108,25 @@ fn the_beginning_the_end_and_standing_still_are_left_out() {
     assert!(short.is_empty() && short.runs.is_empty());
 }
 
+/// Braking into a curve teaches as much as driving through it (B5); only a car that does not move stands.
+#[test]
+fn a_car_that_brakes_or_coasts_is_not_standing() {
+    let mut run = recording(12, "lake", &["center"]);
+    for (number, step) in run.steps.iter_mut().enumerate() {
+        let pedal = [0.4, 0.0, -0.3][number % 3];
+        step.command.drive = senda_core::Drive::Throttle(pedal);
+        step.speed_mps = Some(if number < 9 { 8.0 } else { 0.0 });
+    }
+    let selection = Selection {
+        skip_first: 0,
+        ..Selection::default()
+    };
+    let (samples, _) = read(&[run], &[Answer::Steering, Answer::Throttle], &selection).unwrap();
+    // The last three are at a standstill, and one of them pulls away.
+    assert_eq!(samples.len(), 10);
+    assert!((samples.target(2)[1] + 0.3).abs() < 1e-6);
+}
+
 /// B5: from the left camera's place the way back is to the right, which is negative.
 #[test]
 fn side_cameras_teach_the_way_back() {
