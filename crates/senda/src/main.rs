@@ -23,6 +23,8 @@ enum Command {
     Tour(commands::tour::Arguments),
     /// Drive one vehicle in one world
     Drive(commands::drive::Arguments),
+    /// Deliver a package in a warehouse and come back (document D)
+    Deliver(commands::deliver::Arguments),
     /// Run a driver over a recording or real data
     Replay(commands::replay::Arguments),
     /// Write a report of recordings
@@ -64,6 +66,7 @@ fn main() -> std::process::ExitCode {
         }
         Some(Command::Tour(arguments)) => commands::tour::run(arguments),
         Some(Command::Drive(arguments)) => commands::drive::run(arguments),
+        Some(Command::Deliver(arguments)) => commands::deliver::run(arguments),
         Some(Command::Replay(arguments)) => commands::replay::run(arguments),
         Some(Command::Report(arguments)) => commands::report::run(arguments),
         Some(Command::World(arguments)) => commands::world::run(arguments),

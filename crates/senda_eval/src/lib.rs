@@ -28,6 +28,7 @@
 //! and writes no files and prints nothing.
 
 pub mod agreement;
+pub mod delivery;
 pub mod metrics;
 pub mod plot;
 pub mod report;
@@ -36,5 +37,6 @@ pub mod summary;
 pub mod text;
 
 pub use agreement::{Agreement, agreement};
+pub use delivery::{Delivery, DeliveryRules};
 pub use metrics::{Course, Metrics, measure};
 pub use summary::Summary;

@@ -1,5 +1,6 @@
 //! The figures of one run as a table for people and as JSON for programs.
 
+use crate::delivery::Delivery;
 use crate::metrics::{self, Course, Losses, Metrics, Motion, Smoothness};
 use crate::text;
 use senda_core::{Body, Truth};
@@ -82,6 +83,9 @@ pub struct Summary {
     pub frame_time_p95_s: Option<f64>,
     /// Wall time of the whole run (s); not repeatable.
     pub wall_s: f64,
+    /// In a warehouse: what became of the package. Then `completed` means a whole delivery.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub delivery: Option<Delivery>,
 }
 
 /// Means beside the headline.

@@ -2,8 +2,9 @@
 
 use crate::{Scenario, drive::Ending, referee, trajectory::TrajectoryDigest};
 use senda_core::{Body, Command, Explanation, Observation, Truth};
-use senda_eval::Summary;
+use senda_drivers::MissionOptions;
 use senda_eval::metrics::{self, Motion};
+use senda_eval::{Delivery, DeliveryRules, Summary, delivery};
 use senda_world::World;
 
 /// One row a step.
@@ -66,13 +67,36 @@ impl Log {
         });
     }
 
+    /// What became of a package; `None` outside of warehouses.
+    fn delivery(&self, world: &World) -> Option<Delivery> {
+        let rules = DeliveryRules {
+            stop_m: MissionOptions::default().stop_m,
+            // The vehicle frame's origin is its middle on vehicles that turn in place about it.
+            front_m: 0.5 * self.body.length_m,
+        };
+        let mut events = Vec::new();
+        for (motion, account) in self.motions.iter().zip(&self.accounts) {
+            events.extend(account.events.iter().map(|text| delivery::Event {
+                time_s: motion.time_s,
+                text: text.clone(),
+            }));
+        }
+        delivery::judge(world, &self.truths, rules, events)
+    }
+
     /// The figures of the run. Ends the log.
-    pub(crate) fn summarise(self, scenario: &Scenario, world: &World, ending: Ending) -> (Summary, Vec<u64>) {
+    pub(crate) fn summarise(
+        mut self,
+        scenario: &Scenario,
+        world: &World,
+        ending: Ending,
+    ) -> (Summary, Vec<u64>) {
         let course = referee::course(scenario, world);
         let measured = metrics::measure(&course, &self.truths);
         let times = self.motions.iter().map(|motion| motion.time_s);
         let losses = metrics::losses(times.zip(&self.accounts));
         let smoothness = metrics::smoothness(&self.motions);
+        let digest = std::mem::take(&mut self.digest).finish();
         let times_s: Vec<f64> = self.frame_times_ns.iter().map(|ns| *ns as f64 * 1e-9).collect();
         let summary = Summary {
             world: scenario.world.clone(),
@@ -85,8 +109,17 @@ impl Log {
             speed_mps: scenario.speed_mps,
             laps_wanted: course.laps,
             ended: ending.words().to_owned(),
-            digest: self.digest.finish(),
+            digest,
             ..Summary::from_figures(&measured, &losses, &smoothness)
+        };
+        let summary = match self.delivery(world) {
+            Some(delivery) => Summary {
+                completed: delivery.is_whole(),
+                departures: delivery.departures,
+                delivery: Some(delivery),
+                ..summary
+            },
+            None => summary,
         };
         // Without a clock there is nothing to say about time.
         let timed = times_s.iter().any(|time| *time > 0.0);

@@ -4,7 +4,8 @@ use crate::RunError;
 use senda_core::{Body, Command, Driver, Explanation, Observation, PrivilegedDriver, Truth};
 use senda_drivers::{
     ExpertDriver, ExpertOptions, HoughDriver, HoughDriverOptions, HumanDriver, HumanOptions, LaneDriver,
-    LaneOptions, LineDriver, LineOptions, ManualDriver, NeuralDriver, NeuralOptions,
+    LaneOptions, LineDriver, LineOptions, ManualDriver, MissionDriver, MissionOptions, NeuralDriver,
+    NeuralOptions,
 };
 use senda_geom::Curve;
 use senda_nets::Model;
@@ -25,7 +26,7 @@ pub enum Pilot {
 }
 
 /// Names of all drivers, with what each does.
-pub const DRIVERS: [(&str, &str); 6] = [
+pub const DRIVERS: [(&str, &str); 7] = [
     ("line", "follows one line by camera (document C)"),
     ("lane", "stays between two lines by camera (document C)"),
     (
@@ -35,6 +36,10 @@ pub const DRIVERS: [(&str, &str); 6] = [
     (
         "neural",
         "does what a trained network answers (option `model`: its file)",
+    ),
+    (
+        "mission",
+        "delivers a package in a warehouse and comes back, by camera (document D)",
     ),
     (
         "expert",
@@ -86,6 +91,11 @@ impl Pilot {
                 let mut options: NeuralOptions = parse_options(name, &options)?;
                 options.set_speed(speed_mps);
                 Self::Driver(Box::new(NeuralDriver::new(body, model, options)?))
+            }
+            "mission" => {
+                let mut options: MissionOptions = parse_options(name, options)?;
+                options.set_speed(speed_mps);
+                Self::Driver(Box::new(MissionDriver::new(body, options)?))
             }
             "expert" => {
                 let mut options: ExpertOptions = parse_options(name, options)?;

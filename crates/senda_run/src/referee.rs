@@ -7,19 +7,23 @@ use crate::{
 use senda_core::{Command, Truth};
 use senda_eval::Course;
 use senda_geom::{Curve, Tracker};
-use senda_world::World;
+use senda_world::{Warehouse, World};
 
 /// On an open path the way ends this far before the path does: there the camera sees past its end (m). C2: the
 /// GoPiGo's camera sees 50 cm ahead.
 pub const OPEN_END_M: f64 = 0.6;
 /// A vehicle slower than this stands (m/s).
 const STANDING_MPS: f64 = 0.002;
+/// Missions in a warehouse end after this time (s) unless the scenario says otherwise: waits for packages and lights included.
+const MISSION_LIMIT_S: f64 = 400.0;
 /// Standing for this long ends the run (s): longer than any start-up delay, shorter than a spectator's patience.
 const STANDING_S: f64 = 3.0;
 
 /// Watches the true state and says when a run is over. Without a true state it only watches the driver.
 pub struct Referee {
     path: Curve,
+    /// In a warehouse: no laps, no limit on standing, and the nearest street counts.
+    warehouse: Option<Warehouse>,
     tracker: Tracker,
     goal_m: f64,
     stray_limit_m: f64,
@@ -44,11 +48,16 @@ impl Referee {
         let speed_mps = scenario.speed_mps.unwrap_or(0.035);
         Self {
             path: world.path.clone(),
+            warehouse: world.warehouse.clone(),
             tracker: Tracker::new(world.path.normalise_station(station_m)),
             goal_m,
             // Three times as far as the lane is wide: no driver of ours finds back from there.
             stray_limit_m: 3.0 * world.corridor_half_width_m + scenario.start.offset_m.abs(),
-            time_limit_s: scenario.time_limit_s.unwrap_or(4.0 * goal_m / speed_mps + 20.0),
+            time_limit_s: scenario.time_limit_s.unwrap_or(if world.warehouse.is_some() {
+                MISSION_LIMIT_S
+            } else {
+                4.0 * goal_m / speed_mps + 20.0
+            }),
             standing_limit_s: STANDING_S,
             standing_since_s: None,
             lap_m: way_m,
@@ -90,6 +99,14 @@ impl Judge for Referee {
         }
         let truth = truth?;
         let now_s = truth.stamp.as_s();
+        if let Some(warehouse) = &self.warehouse {
+            let at = truth.world_from_vehicle.position();
+            let (_, place) = warehouse.nearest_street(&self.path, at);
+            if place.offset_m.abs() > self.stray_limit_m {
+                return Some(Ending::Strayed);
+            }
+            return (now_s > self.time_limit_s).then_some(Ending::TimeOut);
+        }
         let place = self
             .tracker
             .advance(&self.path, truth.world_from_vehicle.position());

@@ -54,6 +54,9 @@ pub struct Scenario {
     /// Calibration file: the driver believes its camera instead of the vehicle file's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<String>,
+    /// In a warehouse: what the package's code says (`I2`) instead of the world's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub package: Option<String>,
     /// Options of the driver, as its documentation names them.
     #[serde(default, skip_serializing_if = "toml::Table::is_empty")]
     pub driver_options: toml::Table,
@@ -105,6 +108,7 @@ impl Scenario {
             start: StartOffset::default(),
             time_limit_s: None,
             calibration: None,
+            package: None,
             driver_options: toml::Table::new(),
         }
     }
@@ -173,6 +177,17 @@ impl Scenario {
         if let Some(floor) = &self.floor {
             world = world.with_floor(floor)?;
         }
+        if world.warehouse.is_some() {
+            // Where lights are in their programs is a part of the run's chance.
+            world = world.with_lights_later(part_of(self.seed));
+        }
+        if let Some(package) = &self.package {
+            world = world.with_package(package).ok_or_else(|| RunError::Scenario {
+                key: "package",
+                found: format!("{package:?}"),
+                expected: "1 to 64 printable ASCII characters, such as I2",
+            })?;
+        }
         Ok(if self.reverse { world.reversed() } else { world })
     }
 
@@ -197,6 +212,14 @@ impl Scenario {
             None => vehicle,
         })
     }
+}
+
+/// A number 0..1 that a seed stands for (SplitMix64, Steele 2014).
+fn part_of(seed: u64) -> f64 {
+    let mut bits = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((bits ^ (bits >> 31)) >> 11) as f64 / (1u64 << 53) as f64
 }
 
 /// The vehicle as its driver knows it: with the camera of a calibration file, if there is one.

@@ -8,6 +8,7 @@ use super::{
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use senda_eval::Summary;
 use senda_run::{Scenario, drive};
 use std::{
     fs::File,
@@ -27,7 +28,7 @@ pub(crate) struct ScenarioFlags {
     /// Ready vehicle or vehicle file
     #[arg(long, value_name = "VEHICLE")]
     pub(crate) vehicle: Option<String>,
-    /// line, lane, hough, neural, expert or human
+    /// line, lane, hough, neural, mission, expert or human
     #[arg(long, value_name = "DRIVER")]
     pub(crate) driver: Option<String>,
     /// Trained network for the driver `neural`
@@ -80,6 +81,9 @@ pub(crate) struct ScenarioFlags {
     /// Calibration file: the driver believes its camera instead of the vehicle file's
     #[arg(long, value_name = "FILE")]
     pub(crate) calibration: Option<String>,
+    /// In a warehouse: what the package's code says (I0, I1, …)
+    #[arg(long, value_name = "CODE")]
+    pub(crate) package: Option<String>,
     /// End the run after this time, in s
     #[arg(long, value_name = "S")]
     pub(crate) time_limit: Option<f64>,
@@ -122,6 +126,7 @@ impl ScenarioFlags {
         let heading = self.start_heading.or(self.start_heading_deg.map(f64::to_radians));
         scenario.start.heading_rad = heading.unwrap_or(scenario.start.heading_rad);
         scenario.calibration = self.calibration.clone().or(scenario.calibration);
+        scenario.package = self.package.clone().or(scenario.package);
         scenario.time_limit_s = self.time_limit.or(scenario.time_limit_s);
         if let Some(model) = &self.model {
             scenario
@@ -201,6 +206,22 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         (None, true) => Some(PathBuf::from("recordings")),
         (folder, _) => folder.clone(),
     };
+    let summary = drive_and_keep(&scenario, hands, record.as_deref(), arguments.report.as_deref())?;
+    if arguments.json {
+        terminal::print(&serde_json::to_string_pretty(&summary)?)?;
+    } else {
+        terminal::print(&summary.text().to_string())?;
+    }
+    Ok(())
+}
+
+/// Drives a scenario behind a progress bar, with its recording and report where they are asked for.
+pub(crate) fn drive_and_keep(
+    scenario: &Scenario,
+    hands: Option<Prepared>,
+    record: Option<&Path>,
+    report: Option<&Path>,
+) -> Result<Summary> {
     let began_ns = terminal::clock_ns();
     let is_watched = matches!(hands, Some(Prepared::Person(_)));
     let bar = if is_watched {
@@ -212,22 +233,21 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         ))
     };
     let mut ears = terminal::ears(&bar);
-    let seat = seat(hands, &scenario, record.is_some(), &mut ears)?;
-    let (mut outcome, recording) = if let Some(folder) = &record {
-        let path = recording_path(folder, &scenario)?;
+    let seat = seat(hands, scenario, record.is_some(), &mut ears)?;
+    let (mut outcome, recording) = if let Some(folder) = record {
+        let path = recording_path(folder, scenario)?;
         let file = File::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
-        let (outcome, _) = drive::run_by(&scenario, seat, Some(BufWriter::new(file)), &mut ears)
+        let (outcome, _) = drive::run_by(scenario, seat, Some(BufWriter::new(file)), &mut ears)
             .with_context(|| format!("while recording to {}", path.display()))?;
         terminal::tell(&format!("recording: {}", path.display()));
-        let recording = arguments
-            .report
+        let recording = report
             .is_some()
             .then(|| senda_data::Recording::read(&path))
             .transpose()?;
         (outcome, recording)
     } else {
-        let sink = arguments.report.is_some().then(|| Cursor::new(Vec::new()));
-        let (outcome, sink) = drive::run_by(&scenario, seat, sink, &mut ears)?;
+        let sink = report.is_some().then(|| Cursor::new(Vec::new()));
+        let (outcome, sink) = drive::run_by(scenario, seat, sink, &mut ears)?;
         let recording = sink
             .map(|sink| senda_data::Recording::from_bytes(sink.get_ref()))
             .transpose()?;
@@ -236,7 +256,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     drop(ears);
     bar.finish_and_clear();
     outcome.summary.wall_s = terminal::seconds_since(began_ns);
-    if let (Some(path), Some(recording)) = (&arguments.report, recording) {
+    if let (Some(path), Some(recording)) = (report, recording) {
         let title = format!(
             "{} drives {} on {}",
             scenario.driver, scenario.vehicle, scenario.world
@@ -250,12 +270,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         write_file(path, page(&title, &command_line(), &[run])?.as_bytes())?;
         terminal::tell(&format!("report: {}", path.display()));
     }
-    if arguments.json {
-        terminal::print(&serde_json::to_string_pretty(&outcome.summary)?)?;
-    } else {
-        terminal::print(&outcome.summary.text().to_string())?;
-    }
-    Ok(())
+    Ok(outcome.summary)
 }
 
 /// `DIR/oval-gopigo-line-1.mcap`; an existing file is never overwritten.

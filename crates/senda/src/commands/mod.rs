@@ -3,6 +3,7 @@
 pub(crate) mod bench;
 pub(crate) mod calibrate;
 pub(crate) mod data;
+pub(crate) mod deliver;
 pub(crate) mod detector;
 pub(crate) mod drive;
 pub(crate) mod evaluate;

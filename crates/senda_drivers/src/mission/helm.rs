@@ -1,0 +1,111 @@
+//! Steering of a mission: along the line, across a junction, square before a crossing, in place.
+
+use super::MissionOptions;
+use senda_core::Command;
+use senda_geom::{Vec2, trig};
+use senda_vision::StreetView;
+use senda_vision::street::FarLine;
+
+/// Slower than this the motors do not turn reliably (m/s), and likewise in place (rad/s).
+const CREEP_MPS: f64 = 0.03;
+const CREEP_RADPS: f64 = 0.22;
+
+/// Towards a floor point (vehicle frame, m): the arc through it (pure pursuit, Coulter 1992).
+pub(super) fn towards(point: Vec2, speed_mps: f64) -> Command {
+    let curvature_per_m = 2.0 * point.y / point.length_squared().max(0.01);
+    // In tight curves as fast as 0.3 m/s² across allows.
+    let most_mps = (0.3 / curvature_per_m.abs().max(0.5)).sqrt();
+    Command::curvature(curvature_per_m, speed_mps.min(most_mps.max(0.12)))
+}
+
+/// Along the line that is seen; `None` without one.
+pub(super) fn along(view: &StreetView, options: &MissionOptions, speed_mps: f64) -> Option<Command> {
+    let look_m = options.look_ahead_m + 0.25 * (speed_mps - 0.2).max(0.0);
+    Some(towards(view.line.at_distance(look_m)?, speed_mps))
+}
+
+/// In place, by an angle that is left (rad, left positive).
+pub(super) fn turn(left_rad: f64, fastest_radps: f64) -> Command {
+    let rate = (2.0 * left_rad).clamp(-fastest_radps, fastest_radps);
+    let rate = if rate.abs() < CREEP_RADPS {
+        CREEP_RADPS * left_rad.signum()
+    } else {
+        rate
+    };
+    Command::yaw_rate(rate, 0.0)
+}
+
+/// What is left when it stands well enough before a crossing.
+pub(super) const GOOD_M: f64 = 0.006;
+pub(super) const GOOD_RAD: f64 = 0.013;
+
+/// Before a crossing: drives up to it, squares, corrects the distance. `None`: it stands as it should.
+pub(super) fn stop_before(view: &StreetView, options: &MissionOptions, stopped: bool) -> Option<Command> {
+    let Some(crossing) = view.crossing else {
+        // Too near to see it: back.
+        return Some(Command::curvature(0.0, -CREEP_MPS));
+    };
+    let left_m = crossing.distance_m - options.stop_m;
+    if left_m > 0.012 && !stopped {
+        let speed_mps = (1.5 * left_m).clamp(CREEP_MPS, options.speed_mps);
+        // The line as long as it is seen before the crossing, then the crossing's own direction.
+        return Some(match view.line.at_distance(options.look_ahead_m) {
+            Some(point) if left_m > 0.06 => towards(point, speed_mps),
+            _ => Command::yaw_rate((1.5 * crossing.angle_rad).clamp(-0.4, 0.4), speed_mps),
+        });
+    }
+    if crossing.angle_rad.abs() > GOOD_RAD {
+        return Some(turn(crossing.angle_rad, 0.5));
+    }
+    (left_m.abs() > GOOD_M).then(|| Command::curvature(0.0, CREEP_MPS * left_m.signum()))
+}
+
+/// A line ahead that is remembered while the vehicle moves (D6): a point of it and its direction.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Remembered {
+    at: Vec2,
+    direction_rad: f64,
+}
+
+impl Remembered {
+    pub(super) fn of(line: &FarLine) -> Self {
+        let ahead_m = 0.5;
+        Self {
+            at: Vec2::new(ahead_m, line.left_at(ahead_m)),
+            direction_rad: trig::atan(line.slope),
+        }
+    }
+
+    /// After the vehicle went on and turned.
+    pub(super) fn moved(&mut self, forward_m: f64, turned_rad: f64) {
+        let (sin, cos) = trig::sincos(turned_rad);
+        let from = self.at - Vec2::new(forward_m, 0.0);
+        self.at = Vec2::new(from.x * cos + from.y * sin, from.y * cos - from.x * sin);
+        self.direction_rad -= turned_rad;
+    }
+
+    pub(super) fn slope(&self) -> f64 {
+        trig::tan(self.direction_rad.clamp(-1.2, 1.2))
+    }
+
+    pub(super) fn left_at(&self, ahead_m: f64) -> f64 {
+        self.at.y + self.slope() * (ahead_m - self.at.x)
+    }
+
+    /// Half way to what is seen of it.
+    pub(super) fn corrected(&mut self, seen: &FarLine) {
+        let middle_m = 0.5 * (seen.span_m[0] + seen.span_m[1]);
+        let off_m = seen.left_at(middle_m) - self.left_at(middle_m);
+        // Short pieces tell where it is, not where it runs.
+        let long = (seen.span_m[1] - seen.span_m[0]) / 0.3;
+        let turned = trig::atan(seen.slope) - self.direction_rad;
+        self.direction_rad += 0.4 * long.clamp(0.0, 1.0) * turned.clamp(-0.1, 0.1);
+        self.at = Vec2::new(middle_m, self.left_at(middle_m));
+        self.at.y += 0.5 * off_m;
+    }
+
+    pub(super) fn command(&self, speed_mps: f64) -> Command {
+        let ahead_m = 0.38;
+        towards(Vec2::new(ahead_m, self.left_at(ahead_m)), speed_mps)
+    }
+}

@@ -1,0 +1,150 @@
+//! Signs and lights over several frames: votes on a digit, a light's colour and where it stands.
+
+use senda_core::Stamp;
+use senda_vision::{Detection, ObjectClass};
+
+/// Parts of a turn in place in search of something: to the left, to the right, back to the middle.
+pub(super) const LEGS: u32 = 3;
+
+/// Where a part of the turn ends (rad).
+pub(super) fn leg_rad(leg: u32, reach_rad: f64) -> f64 {
+    match leg % LEGS {
+        0 => reach_rad,
+        1 => -reach_rad,
+        _ => 0.0,
+    }
+}
+
+/// Votes for digits.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Signs {
+    votes: [u32; 10],
+}
+
+impl Signs {
+    /// Counts a detection that is a sign, near enough to be this area's.
+    pub(super) fn take(&mut self, detection: &Detection, near: bool) {
+        if let ObjectClass::Sign(digit) = detection.class
+            && near
+            && let Some(votes) = self.votes.get_mut(usize::from(digit))
+        {
+            *votes += 1;
+        }
+    }
+
+    /// The digit that leads by at least two votes.
+    pub(super) fn digit(&self) -> Option<u8> {
+        let best = (0..10u8).max_by_key(|digit| (self.votes[usize::from(*digit)], 10 - digit))?;
+        let second = (0..10u8)
+            .filter(|digit| *digit != best)
+            .map(|digit| self.votes[usize::from(digit)])
+            .max()?;
+        (self.votes[usize::from(best)] >= second + 2).then_some(best)
+    }
+}
+
+/// A light: where it is and what it has shown.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct LightSeen {
+    sightings: u32,
+    bearing_rad: f64,
+    /// Detections in a row of the same colour.
+    green_run: u32,
+    red_run: u32,
+    last_red: Option<Stamp>,
+    green_since: Option<Stamp>,
+}
+
+/// A light that was red not longer ago than this has just turned green (s): a detection every fifth frame, two in a row.
+const FRESH_S: f64 = 1.2;
+
+impl LightSeen {
+    /// Takes a detection at a bearing (rad, left positive, from where the street leads).
+    pub(super) fn take(&mut self, detection: &Detection, bearing_rad: f64, now: Stamp) {
+        match detection.class {
+            ObjectClass::RedLight => {
+                (self.red_run, self.green_run) = (self.red_run + 1, 0);
+                (self.last_red, self.green_since) = (Some(now), None);
+            }
+            ObjectClass::GreenLight => {
+                (self.green_run, self.red_run) = (self.green_run + 1, 0);
+                self.green_since.get_or_insert(now);
+            }
+            ObjectClass::Sign(_) => return,
+        }
+        self.sightings += 1;
+        self.bearing_rad = bearing_rad;
+    }
+
+    /// Whether there is one: seen twice.
+    pub(super) fn known(&self) -> bool {
+        self.sightings >= 2
+    }
+
+    pub(super) fn begin_waiting(&mut self, _now: Stamp) {
+        self.green_run = 0;
+    }
+
+    /// Green in two detections in a row, and red a moment before: time enough is left. Or green for so long that it may be
+    /// green for ever.
+    pub(super) fn turned_green(&self, now: Stamp, patience_s: f64) -> bool {
+        let fresh = self.last_red.is_some_and(|red| now.since_s(red) < FRESH_S);
+        let patient = self
+            .green_since
+            .is_some_and(|since| now.since_s(since) > patience_s);
+        self.green_run >= 2 && (fresh || patient)
+    }
+
+    /// Heading from which to watch it (rad): as little turned from the street as its view allows.
+    pub(super) fn watch_from_rad(&self) -> f64 {
+        /// Seen comfortably within a view of 60°.
+        const VIEW_RAD: f64 = 0.36;
+        self.bearing_rad - self.bearing_rad.clamp(-VIEW_RAD, VIEW_RAD)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen(class: ObjectClass) -> Detection {
+        Detection {
+            class,
+            box_px: [0.0, 0.0, 10.0, 10.0],
+            confidence: 0.9,
+        }
+    }
+
+    #[test]
+    fn a_digit_needs_a_lead_of_two() {
+        let mut signs = Signs::default();
+        signs.take(&seen(ObjectClass::Sign(1)), true);
+        assert_eq!(signs.digit(), None);
+        signs.take(&seen(ObjectClass::Sign(1)), true);
+        assert_eq!(signs.digit(), Some(1));
+        signs.take(&seen(ObjectClass::Sign(0)), true);
+        assert_eq!(signs.digit(), None, "a sign that contradicts");
+        signs.take(&seen(ObjectClass::Sign(0)), false);
+        signs.take(&seen(ObjectClass::Sign(1)), true);
+        assert_eq!(signs.digit(), Some(1));
+    }
+
+    #[test]
+    fn only_fresh_green_counts() {
+        let at = Stamp::from_s;
+        let mut light = LightSeen::default();
+        light.take(&seen(ObjectClass::GreenLight), 0.3, at(0.0));
+        light.take(&seen(ObjectClass::GreenLight), 0.3, at(0.25));
+        assert!(
+            light.known() && !light.turned_green(at(0.3), 25.0),
+            "it may turn red at once"
+        );
+        light.take(&seen(ObjectClass::RedLight), 0.3, at(3.0));
+        light.take(&seen(ObjectClass::GreenLight), 0.3, at(3.25));
+        assert!(!light.turned_green(at(3.25), 25.0));
+        light.take(&seen(ObjectClass::GreenLight), 0.3, at(3.5));
+        assert!(light.turned_green(at(3.5), 25.0));
+        assert!(!light.turned_green(at(6.0), 25.0), "not any more");
+        assert!(light.turned_green(at(30.0), 25.0), "for ever green");
+    }
+}

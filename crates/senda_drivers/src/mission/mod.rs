@@ -1,0 +1,610 @@
+//! Document D's mission: read a package's code, find its depot by signs and codes, obey the light, come back (D9, D10).
+//!
+//! [`chart`] says which steps there are and what leads from one to the next; this module tells whether a condition holds and
+//! what is done in a step. It sees frames and nothing else: the order of depots, the layout and the true state are unknown to it.
+
+pub mod chart;
+mod helm;
+mod look;
+mod options;
+
+pub use options::MissionOptions;
+
+use crate::options::DriverError;
+use chart::{CHART, Step, To, When};
+use helm::Remembered;
+use look::{LightSeen, Signs};
+use senda_core::{Body, Command, Driver, Explanation, Observation, Stamp, Turn};
+use senda_geom::trig;
+use senda_vision::street::trace::Expected;
+use senda_vision::{ClassicalDetector, Detection, Detector, QrCode, QrReader, StreetEyes, StreetView};
+
+/// Drives a delivery.
+pub struct MissionDriver {
+    body: Body,
+    options: MissionOptions,
+    detector: Box<dyn Detector>,
+    eyes: Option<StreetEyes>,
+    reader: QrReader,
+    view: StreetView,
+    step: Step,
+    /// The step to which a lost line returns.
+    back: Step,
+    /// Why it failed, or what it could not do.
+    reason: Option<String>,
+    clock: Clock,
+    way: Way,
+    goal: Option<u8>,
+    codes: Codes,
+    signs: Signs,
+    light: LightSeen,
+    beyond: Remembered,
+    counts: Counts,
+    last: Command,
+    delivered: bool,
+    events: Vec<String>,
+    detections: Vec<Detection>,
+    seen_codes: Vec<QrCode>,
+}
+
+/// Times (s).
+#[derive(Debug, Clone, Copy, Default)]
+struct Clock {
+    now: Stamp,
+    began: Stamp,
+    /// When a frame came, when the line was seen.
+    frame: Stamp,
+    line: Stamp,
+    /// Since when it stands (command zero).
+    stands: Option<Stamp>,
+}
+
+/// What the vehicle believes to have driven: from its commands, behind which it lags.
+#[derive(Debug, Clone, Copy, Default)]
+struct Way {
+    speed_mps: f64,
+    yaw_rate_radps: f64,
+    /// Since the step began, since the last stop (m).
+    step_m: f64,
+    stop_m: f64,
+    /// Turned since it stood square to the street (rad).
+    turned_rad: f64,
+}
+
+/// Codes since the last stop.
+#[derive(Debug, Clone, Copy, Default)]
+struct Codes {
+    depot: Option<u8>,
+    start: bool,
+    package: Option<u8>,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Counts {
+    frames: u32,
+    crossing: u32,
+    junction: u32,
+    below: u32,
+    found: u32,
+    empty: u32,
+    /// Part of the sweep in search: which way it turns, and how often it has been all around.
+    leg: u32,
+    stopped: bool,
+}
+
+/// Speed and yaw rate follow commands with about this time constant (s): delay and motors.
+const LAG_S: f64 = 0.15;
+/// After a stop its own crossing is not the next one until this far on (m).
+const PAST_CROSSING_M: f64 = 0.45;
+/// Without a line for so long it is lost (s).
+const LOST_S: f64 = 0.7;
+
+impl MissionDriver {
+    /// With the classical detector.
+    pub fn new(body: &Body, options: MissionOptions) -> Result<Self, DriverError> {
+        let classical = ClassicalDetector::new(options.classical);
+        Self::with_detector(body, options, Box::new(classical))
+    }
+
+    /// With another detector.
+    pub fn with_detector(
+        body: &Body,
+        options: MissionOptions,
+        detector: Box<dyn Detector>,
+    ) -> Result<Self, DriverError> {
+        options.check()?;
+        if body.cameras.is_empty() {
+            return Err(DriverError::NoCamera {
+                body: body.name.clone(),
+            });
+        }
+        Ok(Self {
+            reader: QrReader::new(options.codes),
+            body: body.clone(),
+            options,
+            detector,
+            eyes: None,
+            view: StreetView::default(),
+            step: Step::WaitPackage,
+            back: Step::WaitPackage,
+            reason: None,
+            clock: Clock::default(),
+            way: Way::default(),
+            goal: None,
+            codes: Codes::default(),
+            signs: Signs::default(),
+            light: LightSeen::default(),
+            beyond: Remembered::default(),
+            counts: Counts::default(),
+            last: Command::STOP,
+            delivered: false,
+            events: Vec::new(),
+            detections: Vec::new(),
+            seen_codes: Vec::new(),
+        })
+    }
+
+    /// The present step.
+    pub fn step(&self) -> Step {
+        self.step
+    }
+
+    /// Why the mission failed, or what it could not do; `None` while all is well.
+    pub fn reason(&self) -> Option<&str> {
+        self.reason.as_deref()
+    }
+
+    fn in_step_s(&self) -> f64 {
+        self.clock.now.since_s(self.clock.began)
+    }
+
+    /// Integrates what the last command should have done.
+    fn reckon(&mut self, elapsed_s: f64) {
+        let wanted_mps = self.body.speed_of(&self.last);
+        let wanted_radps = match self.last.turn {
+            Turn::YawRateRadps(rate) => rate,
+            other => self.body.yaw_rate_of(other, wanted_mps),
+        };
+        let part = (elapsed_s / LAG_S).min(1.0);
+        let way = &mut self.way;
+        way.speed_mps += (wanted_mps - way.speed_mps) * part;
+        way.yaw_rate_radps += (wanted_radps - way.yaw_rate_radps) * part;
+        let (forward_m, turned_rad) = (way.speed_mps * elapsed_s, way.yaw_rate_radps * elapsed_s);
+        way.step_m += forward_m.abs();
+        way.stop_m += forward_m.abs();
+        way.turned_rad += turned_rad;
+        self.beyond.moved(forward_m, turned_rad);
+    }
+
+    fn look(&mut self, observation: &Observation) {
+        let Some(frame) = observation.first_frame() else {
+            return;
+        };
+        self.clock.frame = self.clock.now;
+        self.counts.frames = self.counts.frames.wrapping_add(1);
+        let image = &frame.image;
+        if self.eyes.as_ref().is_none_or(|eyes| !eyes.fits(image)) {
+            let (width, height) = (image.width(), image.height());
+            self.eyes = Some(StreetEyes::new(
+                &self.body.cameras[0],
+                width,
+                height,
+                self.options.colours,
+            ));
+        }
+        let expected = match self.step {
+            Step::CrossJunction | Step::CrossBack => Expected {
+                left_m: self.beyond.left_at(0.26),
+                within_m: 0.06,
+            },
+            _ => Expected::default(),
+        };
+        let eyes = self.eyes.as_mut().expect("made above");
+        self.view.clone_from(eyes.look(image, expected));
+        if self.view.line.points.len() >= 3 {
+            self.clock.line = self.clock.now;
+        }
+        let reads = matches!(
+            self.step,
+            Step::WaitPackage | Step::ToArea | Step::TakeStreet | Step::Return
+        );
+        self.seen_codes.clear();
+        if reads && self.counts.frames.is_multiple_of(self.options.read_every) {
+            let least_px = self.options.code_part * image.width() as f64;
+            for code in self.reader.read(image) {
+                if f64::from(code.size_px()) >= least_px {
+                    self.codes.take(&code.text);
+                }
+                self.seen_codes.push(code.clone());
+            }
+        }
+        let detects = matches!(self.step, Step::Search | Step::WaitGreen);
+        self.detections.clear();
+        if detects && self.counts.frames.is_multiple_of(self.options.detect_every) {
+            self.detections.extend_from_slice(self.detector.detect(image));
+            let camera = self.body.cameras[0].resized(image.width() as u32, image.height() as u32);
+            let least_px = self.options.sign_part * image.width() as f64;
+            for detection in &self.detections {
+                let [u, v] = detection.middle_px().map(f64::from);
+                let ray =
+                    camera.mounting.vehicle_from_camera() * camera.lens.ray(senda_geom::Vec2::new(u, v));
+                let bearing_rad = self.way.turned_rad + trig::atan2(ray.y, ray.x);
+                if f64::from(detection.height_px()) >= 0.8 * least_px {
+                    self.signs
+                        .take(detection, f64::from(detection.height_px()) >= least_px);
+                    self.light.take(detection, bearing_rad, self.clock.now);
+                }
+            }
+        }
+        self.count();
+    }
+
+    /// Counts for how many frames in a row something has been seen.
+    fn count(&mut self) {
+        let counts = &mut self.counts;
+        let run = |count: u32, seen: bool| if seen { count + 1 } else { 0 };
+        let near = |limit_m: f64| {
+            self.view
+                .crossing
+                .is_some_and(|crossing| crossing.distance_m < limit_m)
+        };
+        counts.crossing = run(
+            counts.crossing,
+            near(self.options.approach_m) && self.way.stop_m > PAST_CROSSING_M,
+        );
+        let reach_m = if self.step == Step::Return { 0.45 } else { 0.62 };
+        let ahead = self
+            .view
+            .junction
+            .is_some_and(|junction| junction.distance_m < reach_m);
+        counts.junction = run(counts.junction, ahead);
+        let line = &self.view.line;
+        let straight = line
+            .direction_rad(0.05)
+            .is_some_and(|direction| (trig::tan(direction) - self.beyond.slope()).abs() < 0.3);
+        let below =
+            line.points.first().is_some_and(|point| point.x < 0.34) && line.length_m() > 0.1 && straight;
+        counts.below = run(counts.below, below);
+        counts.found = run(counts.found, line.length_m() > 0.08);
+    }
+
+    fn holds(&self, when: When) -> bool {
+        let counts = &self.counts;
+        let coded = self.codes.depot.is_some();
+        match when {
+            When::PackageRead => self.codes.package.is_some(),
+            When::CrossingAhead => counts.crossing >= 2,
+            When::CrossingWithoutCode => counts.crossing >= 2 && !coded,
+            When::GoalsCode => coded && self.codes.depot == self.goal,
+            When::OthersCode => coded && self.codes.depot != self.goal,
+            When::Aligned => self
+                .clock
+                .stands
+                .is_some_and(|since| self.clock.now.since_s(since) > 0.45),
+            When::SignAndLight => self.signs.digit().is_some() && self.light.known(),
+            When::SignAndNoLight => {
+                self.signs.digit().is_some() && !self.light.known() && counts.leg >= look::LEGS
+            }
+            When::TurnedGreen => self
+                .light
+                .turned_green(self.clock.now, self.options.green_patience_s),
+            When::FacingGoalsStreet => self.faces_street() && self.signs.digit() == self.goal,
+            When::FacingOthersStreet => self.faces_street() && self.signs.digit() != self.goal,
+            When::JunctionAhead => counts.junction >= 2,
+            When::LineBelow => counts.below >= 3 && self.way.step_m > 0.45,
+            When::StartsCode => self.codes.start,
+            When::LineLost => self.clock.now.since_s(self.clock.line) > LOST_S && self.in_step_s() > LOST_S,
+            When::LineFound => counts.found >= 3,
+            When::TimeOver => self.time_over(),
+            When::BatteryEmpty => counts.empty >= 10,
+        }
+    }
+
+    fn faces_street(&self) -> bool {
+        self.street_angle_rad().abs() < 0.035
+    }
+
+    /// How far the street lies to the left of the heading (rad): by the crossing where it is seen, else by reckoning.
+    fn street_angle_rad(&self) -> f64 {
+        match self.view.crossing {
+            Some(crossing) if self.way.turned_rad.abs() < 0.35 && crossing.distance_m < 0.4 => {
+                crossing.angle_rad
+            }
+            _ => -self.way.turned_rad,
+        }
+    }
+
+    fn time_over(&self) -> bool {
+        let options = &self.options;
+        let way_s = options.way_limit_m / options.speed_mps;
+        match self.step {
+            Step::WaitPackage => self.in_step_s() > options.package_limit_s,
+            Step::ToArea | Step::TakeStreet | Step::ToDepot | Step::Return | Step::ToStart => {
+                self.way.step_m > options.way_limit_m || self.in_step_s() > 2.0 * way_s
+            }
+            Step::ToJunction | Step::CrossJunction | Step::CrossBack => {
+                self.way.step_m > 1.8 || self.in_step_s() > 3.6 / options.speed_mps
+            }
+            Step::StopAtArea | Step::StopAtDepot | Step::StopAtStart => self.in_step_s() > 14.0,
+            // Twice all around.
+            Step::Search => self.counts.leg >= 2 * look::LEGS,
+            Step::WaitGreen => self.in_step_s() > options.light_limit_s,
+            Step::FaceStreet => self.in_step_s() > 8.0,
+            Step::Unload => self.in_step_s() > options.unload_s,
+            Step::FindLine => self.counts.leg >= look::LEGS,
+            Step::Home | Step::Failed => false,
+        }
+    }
+
+    /// Takes the first transition of the chart whose condition holds.
+    fn advance(&mut self) {
+        if !matches!(self.step, Step::Home | Step::Failed) && self.holds(When::BatteryEmpty) {
+            self.enter(When::BatteryEmpty, Step::Failed);
+            return;
+        }
+        let next = CHART
+            .iter()
+            .filter(|transition| transition.from == self.step)
+            .find(|transition| self.holds(transition.when));
+        if let Some(transition) = next {
+            let to = match transition.to {
+                To::Step(step) => step,
+                To::Back => self.back,
+            };
+            self.enter(transition.when, to);
+        }
+    }
+
+    fn enter(&mut self, when: When, to: Step) {
+        let from = self.step;
+        let mut event = format!("{} -> {}: {}", from.name(), to.name(), when.words());
+        match (when, to) {
+            (When::PackageRead, _) => {
+                self.goal = self.codes.package;
+                event += &format!(", I{}", self.goal.unwrap_or(0));
+            }
+            (When::GoalsCode | When::OthersCode, _) => {
+                event += &format!(", F{}", self.codes.depot.unwrap_or(0));
+            }
+            (When::SignAndLight | When::SignAndNoLight, _) => {
+                event += &format!(", sign {}", self.signs.digit().unwrap_or(0));
+            }
+            _ => {}
+        }
+        if when == When::OthersCode {
+            let (found, goal) = (self.codes.depot.unwrap_or(0), self.goal.unwrap_or(0));
+            self.reason = Some(format!(
+                "expected depot {goal}, but found the code of depot {found}; brings the package back"
+            ));
+        }
+        if to == Step::Failed {
+            self.reason = Some(self.why(when, from));
+        }
+        if let Some(reason) = self
+            .reason
+            .as_ref()
+            .filter(|_| matches!(to, Step::Failed | Step::Return))
+        {
+            event += &format!("; {reason}");
+        }
+        self.events.push(event);
+        if from == Step::Unload {
+            self.delivered = true;
+        }
+        if to == Step::FindLine {
+            self.back = from;
+        }
+        // Leaving a stop: its codes and its crossing are behind.
+        if matches!(from, Step::WaitPackage | Step::FaceStreet | Step::Unload) {
+            self.codes = Codes::default();
+            self.way.stop_m = 0.0;
+        }
+        if matches!(to, Step::CrossJunction | Step::CrossBack)
+            && let Some(junction) = self.view.junction
+        {
+            self.beyond = Remembered::of(&junction.beyond);
+        }
+        if to == Step::Search {
+            (self.signs, self.light) = (Signs::default(), LightSeen::default());
+            self.way.turned_rad = self.view.crossing.map_or(0.0, |crossing| -crossing.angle_rad);
+        }
+        if to == Step::FindLine {
+            self.way.turned_rad = 0.0;
+        }
+        if to == Step::WaitGreen {
+            self.light.begin_waiting(self.clock.now);
+        }
+        self.counts = Counts {
+            frames: self.counts.frames,
+            empty: self.counts.empty,
+            ..Counts::default()
+        };
+        self.way.step_m = 0.0;
+        (self.clock.began, self.clock.stands) = (self.clock.now, None);
+        self.step = to;
+    }
+
+    /// Why it cannot go on, for people.
+    fn why(&self, when: When, from: Step) -> String {
+        match (when, from) {
+            (When::BatteryEmpty, _) => {
+                format!("the battery is below {:.1} V; charge it", self.options.empty_v)
+            }
+            (_, Step::WaitPackage) => "no package was shown".to_owned(),
+            (_, Step::Search) => "no sign was found before the junction".to_owned(),
+            (_, Step::WaitGreen) => "the light did not turn green".to_owned(),
+            (_, Step::FindLine) => "the line was lost and not found again".to_owned(),
+            (When::CrossingWithoutCode, _) => "a crossing without a depot's code before it".to_owned(),
+            (_, Step::ToJunction) => "no junction came after the area".to_owned(),
+            (_, Step::CrossJunction | Step::CrossBack) => "no line was found beyond the junction".to_owned(),
+            (_, step) => format!("what {} looks for did not come", step.name()),
+        }
+    }
+
+    fn command(&mut self) -> Command {
+        let speed_mps = self.options.speed_mps;
+        // Blind it stands.
+        if self.clock.now.since_s(self.clock.frame) > 0.4 {
+            return Command::STOP;
+        }
+        match self.step {
+            Step::WaitPackage | Step::Unload | Step::Home | Step::Failed => Command::STOP,
+            Step::ToArea
+            | Step::ToJunction
+            | Step::TakeStreet
+            | Step::ToDepot
+            | Step::Return
+            | Step::ToStart => {
+                helm::along(&self.view, &self.options, speed_mps).unwrap_or(Command {
+                    // A moment without a line: on as before, slower.
+                    drive: senda_core::Drive::SpeedMps(0.5 * speed_mps),
+                    ..self.last
+                })
+            }
+            Step::StopAtArea | Step::StopAtDepot | Step::StopAtStart => {
+                match helm::stop_before(&self.view, &self.options, self.counts.stopped) {
+                    Some(command) => command,
+                    None => {
+                        self.counts.stopped = true;
+                        Command::STOP
+                    }
+                }
+            }
+            Step::Search | Step::FindLine => self.sweep(),
+            Step::WaitGreen => {
+                let goal_rad = self.light.watch_from_rad();
+                let left_rad = goal_rad - self.way.turned_rad;
+                if left_rad.abs() < 0.06 {
+                    Command::STOP
+                } else {
+                    helm::turn(left_rad, self.options.turn_radps)
+                }
+            }
+            Step::FaceStreet => helm::turn(self.street_angle_rad(), self.options.turn_radps),
+            Step::CrossJunction | Step::CrossBack => {
+                let (intercept_m, slope) = (self.beyond.left_at(0.0), self.beyond.slope());
+                if let Some(seen) = self
+                    .eyes
+                    .as_ref()
+                    .and_then(|eyes| eyes.line_near(intercept_m, slope, 0.04))
+                    && (seen.slope - slope).abs() < 0.3
+                    && (seen.span_m[0] > 0.45 || self.way.step_m > 0.4)
+                {
+                    self.beyond.corrected(&seen);
+                }
+                self.beyond.command(speed_mps)
+            }
+        }
+    }
+
+    /// Turns in place to one side, to the other and back; stands for a moment first.
+    fn sweep(&mut self) -> Command {
+        if self.in_step_s() < 0.6 {
+            return Command::STOP;
+        }
+        let goal_rad = look::leg_rad(self.counts.leg, self.options.search_rad);
+        let left_rad = goal_rad - self.way.turned_rad;
+        if left_rad.abs() < 0.08 {
+            self.counts.leg += 1;
+        }
+        helm::turn(left_rad, self.options.turn_radps)
+    }
+}
+
+impl Codes {
+    fn take(&mut self, text: &str) {
+        let mut letters = text.chars();
+        let number = |digits: &str| digits.parse::<u8>().ok().filter(|_| digits.len() <= 3);
+        match (letters.next(), number(letters.as_str())) {
+            (Some('I'), Some(depot)) => self.package = Some(depot),
+            (Some('F'), Some(depot)) => self.depot = Some(depot),
+            _ if text == "P" => self.start = true,
+            // Other codes are none of this vehicle's business.
+            _ => {}
+        }
+    }
+}
+
+impl Driver for MissionDriver {
+    fn drive(&mut self, observation: &Observation) -> Command {
+        self.events.clear();
+        let elapsed_s = observation.stamp.since_s(self.clock.now).clamp(0.0, 0.5);
+        self.clock.now = observation.stamp;
+        self.reckon(elapsed_s);
+        let empty = observation
+            .battery_v
+            .is_some_and(|battery_v| battery_v < self.options.empty_v);
+        self.counts.empty = if empty { self.counts.empty + 1 } else { 0 };
+        self.look(observation);
+        self.advance();
+        self.last = self.command();
+        if self.last == Command::STOP {
+            self.clock.stands.get_or_insert(self.clock.now);
+        } else {
+            self.clock.stands = None;
+        }
+        self.last
+    }
+
+    fn explain(&self, explanation: &mut Explanation) {
+        for event in &self.events {
+            explanation.event(event.as_str());
+        }
+        let nan = |value: Option<f64>| value.unwrap_or(f64::NAN);
+        explanation.signal("step", self.step.number() as f64);
+        explanation.signal("goal", nan(self.goal.map(f64::from)));
+        explanation.signal("sign", nan(self.signs.digit().map(f64::from)));
+        explanation.signal(
+            "crossing_m",
+            nan(self.view.crossing.map(|crossing| crossing.distance_m)),
+        );
+        explanation.signal(
+            "crossing_angle_rad",
+            nan(self.view.crossing.map(|crossing| crossing.angle_rad)),
+        );
+        explanation.signal(
+            "junction_m",
+            nan(self.view.junction.map(|junction| junction.distance_m)),
+        );
+        if let Some(eyes) = &self.eyes {
+            let points = self
+                .view
+                .line
+                .points
+                .iter()
+                .filter_map(|point| eyes.pixel(*point));
+            explanation.polyline(points, "cyan", false);
+            if let Some(crossing) = &self.view.crossing {
+                let end = |left_m: f64| {
+                    let ahead_m =
+                        crossing.distance_m - trig::tan(crossing.angle_rad.clamp(-1.0, 1.0)) * left_m;
+                    eyes.pixel(senda_geom::Vec2::new(ahead_m, left_m))
+                };
+                explanation.polyline([end(0.1), end(-0.1)].into_iter().flatten(), "white", false);
+            }
+        }
+        for detection in &self.detections {
+            let [left, top, right, bottom] = detection.box_px;
+            explanation.polyline(
+                [[left, top], [right, top], [right, bottom], [left, bottom]],
+                "yellow",
+                true,
+            );
+            let words = format!("{} {:.2}", detection.class.name(), detection.confidence);
+            explanation.text([left, top - 3.0], words, "yellow");
+        }
+        for code in &self.seen_codes {
+            explanation.polyline(code.corners_px, "magenta", true);
+            explanation.text(code.corners_px[0], code.text.as_str(), "magenta");
+        }
+        explanation.text([4.0, 14.0], self.step.name(), "white");
+    }
+
+    fn is_done(&self) -> bool {
+        let over = matches!(self.step, Step::Home | Step::Failed);
+        over && self.in_step_s() > 0.5
+    }
+}
+
+#[cfg(test)]
+mod tests;

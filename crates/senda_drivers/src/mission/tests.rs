@@ -1,0 +1,207 @@
+//! What leads from step to step, without a simulator: time-outs, batteries, blindness.
+
+use super::*;
+use senda_core::{Frame, Image, Steering};
+use senda_geom::{Camera, Lens, Mounting};
+
+fn body() -> Body {
+    Body {
+        name: "cart".into(),
+        steering: Steering::Differential { track_m: 0.155 },
+        width_m: 0.16,
+        length_m: 0.24,
+        speed_limit_mps: 0.5,
+        yaw_rate_limit_radps: 6.0,
+        period_s: 0.05,
+        cameras: vec![Camera {
+            name: "center".into(),
+            width_px: 320,
+            height_px: 240,
+            lens: Lens::pinhole(320, 240, 60f64.to_radians(), 46.8f64.to_radians()),
+            mounting: Mounting {
+                x_m: 0.0,
+                y_m: 0.0,
+                z_m: 0.2,
+                yaw_rad: 0.0,
+                tilt_rad: 20f64.to_radians(),
+                roll_rad: 0.0,
+            },
+        }],
+    }
+}
+
+fn grey(time_s: f64, battery_v: Option<f64>) -> Observation {
+    let mut image = Image::new(320, 240, senda_core::Channels::Rgb);
+    image.pixels_mut().fill(150);
+    Observation {
+        stamp: Stamp::from_s(time_s),
+        frames: vec![Frame {
+            camera: "center".into(),
+            image,
+            ..Frame::default()
+        }],
+        battery_v,
+        ..Observation::default()
+    }
+}
+
+/// Drives frames of bare floor until the mission is over; returns the events.
+fn until_done(driver: &mut MissionDriver, battery_v: Option<f64>, limit_s: f64) -> Vec<String> {
+    let mut events = Vec::new();
+    let mut explanation = Explanation::default();
+    let mut time_s = 0.0;
+    while !driver.is_done() && time_s < limit_s {
+        driver.drive(&grey(time_s, battery_v));
+        explanation.clear();
+        driver.explain(&mut explanation);
+        events.append(&mut explanation.events);
+        time_s += 0.05;
+    }
+    events
+}
+
+fn driver(options: MissionOptions) -> MissionDriver {
+    MissionDriver::new(&body(), options).unwrap()
+}
+
+#[test]
+fn without_a_package_it_stands_and_says_so() {
+    let mut driver = driver(MissionOptions {
+        package_limit_s: 2.0,
+        ..MissionOptions::default()
+    });
+    let events = until_done(&mut driver, None, 10.0);
+    assert_eq!(
+        events,
+        ["wait_package -> failed: time over; no package was shown"]
+    );
+    assert_eq!(driver.drive(&grey(20.0, None)), Command::STOP);
+    assert_eq!(driver.reason(), Some("no package was shown"));
+}
+
+/// D13: an empty battery ends the mission wherever it is; a moment's sag does not.
+#[test]
+fn an_empty_battery_ends_the_mission_and_a_sag_does_not() {
+    let mut first = driver(MissionOptions::default());
+    let events = until_done(&mut first, Some(13.0), 10.0);
+    assert!(
+        events[0].contains("battery empty") && events[0].contains("13.2 V"),
+        "{events:?}"
+    );
+    let mut second = driver(MissionOptions::default());
+    for i in 0..40 {
+        let sags = i % 10 < 5;
+        second.drive(&grey(0.05 * f64::from(i), Some(if sags { 13.0 } else { 13.6 })));
+    }
+    assert_eq!(second.step(), Step::WaitPackage);
+}
+
+/// A line that is gone: it stops, looks around, and gives up with a reason.
+#[test]
+fn a_lost_line_is_looked_for_and_then_given_up() {
+    let mut driver = driver(MissionOptions::default());
+    driver.step = Step::Return;
+    let events = until_done(&mut driver, None, 60.0);
+    assert_eq!(events.len(), 2, "{events:?}");
+    assert!(events[0].starts_with("return -> find_line: line lost"));
+    assert!(events[1].contains("the line was lost and not found again"));
+}
+
+/// A sign that is not there: it turns all around twice, then gives up.
+#[test]
+fn a_sign_that_is_not_there_ends_the_mission() {
+    let mut driver = driver(MissionOptions::default());
+    driver.step = Step::Search;
+    let events = until_done(&mut driver, None, 120.0);
+    assert_eq!(
+        events,
+        ["search -> failed: time over; no sign was found before the junction"]
+    );
+    assert!(driver.counts.leg == 0 && driver.way.turned_rad.abs() < 1.2);
+}
+
+#[test]
+fn a_light_that_never_turns_ends_the_mission() {
+    let mut driver = driver(MissionOptions {
+        light_limit_s: 3.0,
+        ..MissionOptions::default()
+    });
+    driver.step = Step::WaitGreen;
+    let events = until_done(&mut driver, None, 20.0);
+    assert_eq!(
+        events,
+        ["wait_green -> failed: time over; the light did not turn green"]
+    );
+}
+
+/// Without frames it stands, whatever it was about to do, and goes on when they come again.
+#[test]
+fn without_frames_it_stands() {
+    let mut driver = driver(MissionOptions::default());
+    driver.step = Step::Return;
+    driver.drive(&grey(0.0, None));
+    let blind = Observation {
+        stamp: Stamp::from_s(0.5),
+        ..Observation::default()
+    };
+    assert_eq!(driver.drive(&blind), Command::STOP);
+}
+
+#[test]
+fn codes_that_are_none_of_its_business_change_nothing() {
+    let mut codes = Codes::default();
+    for text in [
+        "",
+        "Z9",
+        "I",
+        "F",
+        "I-1",
+        "I9999",
+        "F1x",
+        "PP",
+        "https://example.org",
+        "i2",
+        "Iä",
+    ] {
+        codes.take(text);
+    }
+    assert!(codes.depot.is_none() && codes.package.is_none() && !codes.start);
+    codes.take("F2");
+    codes.take("I7");
+    codes.take("P");
+    assert!(codes.depot == Some(2) && codes.package == Some(7) && codes.start);
+}
+
+/// Options out of range and vehicles without a camera are refused with words.
+#[test]
+fn nonsense_is_refused() {
+    let mut blind = body();
+    blind.cameras.clear();
+    assert!(MissionDriver::new(&blind, MissionOptions::default()).is_err());
+    let options = MissionOptions {
+        speed_mps: f64::NAN,
+        ..MissionOptions::default()
+    };
+    let error = MissionDriver::new(&body(), options).err().unwrap().to_string();
+    assert!(error.contains("speed_mps"), "{error}");
+}
+
+/// D12 in SPEC, at the level of sources: nothing in the mission names the true state, so it cannot use it. (The types say
+/// the same: a `Driver` is handed an `Observation`, which holds none.)
+#[test]
+fn the_mission_cannot_know_the_true_state() {
+    for source in [
+        include_str!("mod.rs"),
+        include_str!("helm.rs"),
+        include_str!("look.rs"),
+        include_str!("chart.rs"),
+        include_str!("options.rs"),
+    ] {
+        for word in ["Truth", "Privileged", "senda_sim", "senda_world", "drive_knowing"] {
+            assert!(!source.contains(word), "{word}");
+        }
+    }
+    let manifest = include_str!("../../Cargo.toml");
+    let dependencies = manifest.split("[dev-dependencies]").next().unwrap();
+    assert!(!dependencies.contains("senda_sim") && !dependencies.contains("senda_world"));
+}
