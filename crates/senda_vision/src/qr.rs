@@ -325,7 +325,7 @@ mod tests {
                 .read(&picture(&[("F1", 100)], damage))
                 .to_vec();
             assert!(codes.iter().all(|code| code.text == "F1"), "{damage}: {codes:?}");
-            assert!(damage > 0.1 || !codes.is_empty(), "{damage}");
+            assert!(damage > 0.0 || !codes.is_empty(), "{damage}");
             assert!(damage < 0.9 || codes.is_empty(), "{damage}");
         }
     }
