@@ -4,8 +4,8 @@ use super::svg::{self, Anchor, px};
 use super::{COLOURS, Stroke};
 use crate::metrics::Course;
 use crate::text::{self, escape};
-use senda_geom::{Pose2, Vec2, trig};
-use senda_world::World;
+use senda_geom::{Curve, Pose2, Vec2, trig};
+use senda_world::{Marking, World};
 
 /// A driven path in the world.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -39,7 +39,8 @@ pub struct Map {
     pub name: String,
     /// Painted lines: points (m) and width (m).
     lines: Vec<(Vec<Vec2>, f64)>,
-    road: Vec<Vec2>,
+    /// Middles of the road and of streets beside it.
+    roads: Vec<Vec<Vec2>>,
     half_width_m: f64,
     start: Pose2,
     /// Poses at 25, 50, 75 % with the number.
@@ -61,28 +62,42 @@ impl Map {
     pub fn of_world(world: &World) -> Self {
         let mut map = Self::of_course(&Course::of(world, None));
         map.name = format!("Map of {}", world.name);
-        let length_m = world.path.length_m();
-        // Fine enough for the tightest curve and for dashes, and bounded for the longest road.
-        let spacing_m = (length_m / 2000.0).max(0.005);
-        for marking in &world.markings {
-            let mut piece: Vec<Vec2> = Vec::new();
-            let steps = (length_m / spacing_m).ceil().max(1.0) as usize;
-            for i in 0..=steps {
-                let station_m = length_m * i as f64 / steps as f64;
-                if marking.covers(station_m) {
-                    let pose = world.path.pose_at(station_m.min(length_m * (1.0 - 1e-12)));
-                    piece.push(pose.position() + pose.left() * marking.offset_m);
-                } else if piece.len() > 1 {
-                    map.lines.push((std::mem::take(&mut piece), marking.width_m));
-                } else {
-                    piece.clear();
-                }
-            }
-            if piece.len() > 1 {
-                map.lines.push((piece, marking.width_m));
+        let surface_m = world.warehouse.as_ref().map(|warehouse| warehouse.street_width_m);
+        if let Some(warehouse) = &world.warehouse {
+            map.half_width_m = 0.5 * warehouse.street_width_m;
+            let streets = warehouse.streets.iter().map(|street| middle(&street.path));
+            map.roads.extend(streets);
+        }
+        for layer in world.layers() {
+            // Streets are drawn already.
+            let paint = layer.markings.iter();
+            for marking in paint.filter(|marking| Some(marking.width_m) != surface_m) {
+                map.draw_marking(layer.path, marking);
             }
         }
         map
+    }
+
+    fn draw_marking(&mut self, path: &Curve, marking: &Marking) {
+        let length_m = path.length_m();
+        // Fine enough for the tightest curve and for dashes, and bounded for the longest road.
+        let spacing_m = (length_m / 2000.0).max(0.005);
+        let mut piece: Vec<Vec2> = Vec::new();
+        let steps = (length_m / spacing_m).ceil().max(1.0) as usize;
+        for i in 0..=steps {
+            let station_m = length_m * i as f64 / steps as f64;
+            if marking.covers(station_m) {
+                let pose = path.pose_at(station_m.min(length_m * (1.0 - 1e-12)));
+                piece.push(pose.position() + pose.left() * marking.offset_m);
+            } else if piece.len() > 1 {
+                self.lines.push((std::mem::take(&mut piece), marking.width_m));
+            } else {
+                piece.clear();
+            }
+        }
+        if piece.len() > 1 {
+            self.lines.push((piece, marking.width_m));
+        }
     }
 
     /// The map of a course whose painted lines are unknown: its path and corridor.
@@ -101,7 +116,7 @@ impl Map {
         Self {
             name: "Map".into(),
             lines: Vec::new(),
-            road: path.polyline((length_m / 2000.0).max(0.005)),
+            roads: vec![middle(path)],
             half_width_m: course.corridor_half_width_m,
             start: path.pose_at(course.start_station_m),
             marks: [25, 50, 75].map(at_percent).to_vec(),
@@ -135,15 +150,17 @@ impl Map {
         };
 
         let mut out = svg::open(self.width_px, height_px, &self.name, "");
-        out += &format!(
-            "<path class=\"sp-road\" style=\"stroke-width:{}\" d=\"{}\"/>",
-            px((2.0 * self.half_width_m * scale).max(1.0)),
-            path(&self.road)
-        );
-        if self.lines.is_empty() {
+        for road in &self.roads {
+            out += &format!(
+                "<path class=\"sp-road\" style=\"stroke-width:{}\" d=\"{}\"/>",
+                px((2.0 * self.half_width_m * scale).max(1.0)),
+                path(road)
+            );
+        }
+        for road in self.roads.iter().filter(|_| self.lines.is_empty()) {
             out += &format!(
                 "<path class=\"sp-road-line\" style=\"stroke-width:1\" d=\"{}\"/>",
-                path(&self.road)
+                path(road)
             );
         }
         for (points, width_m) in &self.lines {
@@ -178,8 +195,9 @@ impl Map {
 
     /// The road with its corridor, and as much of the tracks as lies within half the world's size around it.
     fn bounds(&self) -> (Vec2, Vec2) {
-        let (mut low, mut high) = (self.road[0], self.road[0]);
-        for point in &self.road {
+        let first = self.roads[0][0];
+        let (mut low, mut high) = (first, first);
+        for point in self.roads.iter().flatten() {
             (low, high) = (low.min(*point), high.max(*point));
         }
         let half = Vec2::splat(self.half_width_m.max(0.0));
@@ -290,6 +308,11 @@ impl Map {
     }
 }
 
+/// The middle of a road, as finely as a map shows it.
+fn middle(path: &Curve) -> Vec<Vec2> {
+    path.polyline((path.length_m() / 2000.0).max(0.005))
+}
+
 /// A vehicle from above in its own frame (m): nose along x.
 fn arrow(length_m: f64, width_m: f64) -> String {
     let (nose, tail, side) = (0.62 * length_m, -0.38 * length_m, 0.5 * width_m);
@@ -340,7 +363,7 @@ fn drawn(track: &Track, path: &impl Fn(&[Vec2]) -> String) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use senda_geom::{Curve, Segment};
+    use senda_geom::Segment;
 
     #[test]
     fn a_track_far_away_does_not_shrink_the_world_to_nothing() {

@@ -11,6 +11,7 @@ mod line;
 mod map;
 mod rates;
 mod svg;
+mod timeline;
 
 pub use axis::{Axis, ticks};
 pub use heat::HeatGrid;
@@ -18,6 +19,7 @@ pub use line::{Band, LinePlot, Rule, Series, Span, Stroke};
 pub use map::{Map, MapStyle, Track};
 pub use rates::{RateRow, RateRows};
 pub(crate) use svg::thinned;
+pub use timeline::Timeline;
 
 /// Variables of the light form, as CSS declarations.
 pub const PALETTE_LIGHT: &str = "--surface:#ffffff;--ink:#1a2026;--ink-2:#55606b;--ink-3:#8b96a1;--grid:#e6e9ec;--axis:#b6bec6;\

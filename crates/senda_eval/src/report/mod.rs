@@ -6,6 +6,7 @@
 //! neither act nor load anything: it is escaped, and the page forbids every script but its own.
 
 mod columns;
+mod delivery;
 mod frames;
 mod page;
 mod plots;

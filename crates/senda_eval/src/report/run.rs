@@ -1,6 +1,7 @@
 //! One run in a report: key figures, player, map, plots.
 
 use super::columns::{Columns, columns};
+use super::delivery;
 use super::frames::{self, Film};
 use super::page::{Card, Row, Section, Table};
 use super::plots::{self, Group};
@@ -76,9 +77,13 @@ pub(super) fn section_with(
     budget_bytes: usize,
     more: Vec<Column>,
 ) -> RunSection {
-    let course = run
-        .course
-        .or_else(|| run.world.map(|world| Course::of(world, run.summary.laps_wanted)));
+    // A delivery leads over many streets: the world's path is no yardstick for it.
+    let course = match run.summary.delivery {
+        Some(_) => None,
+        None => run
+            .course
+            .or_else(|| run.world.map(|world| Course::of(world, run.summary.laps_wanted))),
+    };
     let mut columns = columns(run, course.as_ref());
     columns.list.extend(more);
     let film = frames::film(run.recording, budget_bytes);
@@ -86,10 +91,13 @@ pub(super) fn section_with(
     let events = events(run.recording, stride);
     let summary = run.summary;
     let (verdict, good) = summary.verdict();
-    let (map, mini) = match (&course, run.world) {
-        (None, _) => (String::new(), String::new()),
-        (Some(course), world) => maps(run, course, world, &columns),
+    let map = match (run.world, &course) {
+        (Some(world), _) => Some(Map::of_world(world)),
+        (None, course) => course.as_ref().map(Map::of_course),
     };
+    let (map, mini) = map.map(|map| maps(run, map, &columns)).unwrap_or_default();
+    let mut groups: Vec<Group> = summary.delivery.iter().map(delivery::group).collect();
+    groups.extend(plots::groups(&columns));
     RunSection {
         id: format!("run-{}", index + 1),
         title: title(run),
@@ -102,7 +110,7 @@ pub(super) fn section_with(
         cards: cards(summary),
         map,
         map_caption: "The path of the vehicle's axle (blue) over the painted lines (grey), true to scale. The bar across is the start, the arrow the driving direction; the shaded strip is the corridor.".into(),
-        groups: plots::groups(&columns),
+        groups,
         data: data(run.recording, &columns, &film, &events, stride),
         size: film.size,
         frames_caption: film.caption,
@@ -178,6 +186,13 @@ fn title(run: &ReportRun) -> String {
 }
 
 fn teaser(summary: &Summary) -> String {
+    if let Some(delivery) = &summary.delivery {
+        return format!(
+            "{} stops, {} s",
+            delivery.stops.len(),
+            text::fixed(delivery.time_s, 1)
+        );
+    }
     match (summary.lane_error_mean_m, summary.heading_error_mean_rad) {
         (Some(lane), Some(heading)) => {
             format!("{} · {} mean error", text::length(lane), text::angle(heading))
@@ -213,10 +228,12 @@ fn chips(summary: &Summary) -> Vec<(&'static str, String)> {
 }
 
 fn cards(summary: &Summary) -> Vec<Card> {
-    let mut cards = Vec::new();
+    let mut cards = summary.delivery.as_ref().map(delivery::cards).unwrap_or_default();
+    let follows_path = summary.delivery.is_none();
     let mut card =
         |label, figure, detail, hint, tone| cards.push(Card::new(label, figure, detail, hint, tone));
-    if let (Some(mean), Some(max)) = (summary.lane_error_mean_m, summary.lane_error_max_m) {
+    if let (true, Some(mean), Some(max)) = (follows_path, summary.lane_error_mean_m, summary.lane_error_max_m)
+    {
         card(
             "Lane error, mean",
             text::length(mean),
@@ -225,7 +242,11 @@ fn cards(summary: &Summary) -> Vec<Card> {
             "",
         );
     }
-    if let (Some(mean), Some(max)) = (summary.heading_error_mean_rad, summary.heading_error_max_rad) {
+    if let (true, Some(mean), Some(max)) = (
+        follows_path,
+        summary.heading_error_mean_rad,
+        summary.heading_error_max_rad,
+    ) {
         card(
             "Heading error, mean",
             text::angle(mean),
@@ -234,7 +255,7 @@ fn cards(summary: &Summary) -> Vec<Card> {
             "",
         );
     }
-    if let Some(part) = summary.completion {
+    if let Some(part) = summary.completion.filter(|_| follows_path) {
         let wanted = summary
             .laps_wanted
             .map_or(String::new(), |laps| format!(" of {}", text::short(laps)));
@@ -279,7 +300,7 @@ fn cards(summary: &Summary) -> Vec<Card> {
         "Length of the driven path",
         "",
     );
-    if summary.completion.is_some() {
+    if summary.completion.is_some() && follows_path {
         let tone = if summary.departures > 0 { "bad" } else { "" };
         card(
             "Left the corridor",
@@ -386,11 +407,7 @@ fn events(recording: &Recording, stride: usize) -> Vec<(usize, f64, String)> {
 }
 
 /// The map with the driven path, large and as a thumbnail.
-fn maps(run: &ReportRun, course: &Course, world: Option<&World>, columns: &Columns) -> (String, String) {
-    let mut map = match world {
-        Some(world) => Map::of_world(world),
-        None => Map::of_course(course),
-    };
+fn maps(run: &ReportRun, mut map: Map, columns: &Columns) -> (String, String) {
     let steps = &run.recording.steps;
     let points = steps
         .iter()
