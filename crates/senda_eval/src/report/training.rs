@@ -411,7 +411,7 @@ mod tests {
             "Success of the trials against frames",
             "24 of 24",
             "always the median",
-            "1.3 cm",
+            "1.30 cm",
         ] {
             assert!(html.contains(words), "{words}");
         }
@@ -426,7 +426,7 @@ mod tests {
         assert!(html.contains("</html>"));
         let hostile = TrainingReport {
             answer: "<script>alert(1)</script>".into(),
-            labels: vec![("<b>".into(), vec![f64::NAN, 0.3])],
+            labels: vec![("<mark>".into(), vec![f64::NAN, 0.3])],
             epochs: vec![TrainingEpoch {
                 training_loss: f64::NAN,
                 ..TrainingEpoch::default()
@@ -434,7 +434,7 @@ mod tests {
             ..TrainingReport::default()
         };
         let html = training_html(&Page::default(), &hostile);
-        assert!(!html.contains("<script>alert") && !html.contains("<b>"));
+        assert!(!html.contains("<script>alert") && !html.contains("<mark>"));
     }
 
     #[test]
