@@ -85,6 +85,7 @@ fn model() -> Model {
         provenance: Provenance::default(),
         grids: vec![],
         detection: None,
+        forgets: false,
     }
 }
 

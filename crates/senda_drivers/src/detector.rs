@@ -86,6 +86,7 @@ mod tests {
             provenance: Provenance::default(),
             grids: vec![],
             detection: Some(darknet.detection),
+            forgets: false,
         }
     }
 

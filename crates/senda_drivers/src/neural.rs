@@ -304,3 +304,69 @@ impl Driver for NeuralDriver {
         explanation.polyline(points, "#ff4136", false);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_vehicle::gopigo;
+    use senda_core::{Channels, Frame, Image, Stamp};
+    use senda_nets::{InputSpec, Network, Provenance, Weights};
+
+    fn model(forgets: bool) -> Model {
+        let network = Network::named("lstm-tinypilotnet").unwrap();
+        Model {
+            weights: Weights::random(&network, 3),
+            input: InputSpec::of(network.input()),
+            network,
+            outputs: vec![Answer::Curvature.output()],
+            provenance: Provenance::default(),
+            grids: vec![],
+            detection: None,
+            forgets,
+        }
+    }
+
+    fn picture(number: usize) -> Observation {
+        let pixels = (0..160 * 120 * 3)
+            .map(|i| (i * (31 + 7 * number) % 251) as u8)
+            .collect();
+        let image = Image::from_pixels(160, 120, Channels::Rgb, pixels).unwrap();
+        Observation {
+            frames: vec![Frame {
+                camera: "center".into(),
+                stamp: Stamp::default(),
+                image,
+                encoded: None,
+            }],
+            ..Observation::default()
+        }
+    }
+
+    fn turns(driver: &mut NeuralDriver, numbers: &[usize]) -> Vec<Turn> {
+        let drive = |number: &usize| driver.drive(&picture(*number)).turn;
+        numbers.iter().map(drive).collect()
+    }
+
+    fn driver(forgets: bool) -> NeuralDriver {
+        NeuralDriver::new(&gopigo(), model(forgets), NeuralOptions::default()).unwrap()
+    }
+
+    /// A driver is made for every run, so that is where its memory begins.
+    #[test]
+    fn a_memory_lasts_from_frame_to_frame_and_begins_anew_with_every_run() {
+        let mut first = driver(false);
+        let run = turns(&mut first, &[0, 1, 2, 2, 2]);
+        assert_eq!(turns(&mut driver(false), &[0, 1, 2, 2, 2]), run);
+        assert_ne!(run[2], run[3]);
+        assert_ne!(turns(&mut driver(false), &[2])[0], run[2]);
+    }
+
+    #[test]
+    fn a_network_that_learned_from_single_frames_remembers_none() {
+        let mut driver = driver(true);
+        let run = turns(&mut driver, &[2, 0, 1, 2, 2]);
+        assert_eq!(run[0], run[3]);
+        assert_eq!(run[0], run[4]);
+        assert_ne!(run[0], run[1]);
+    }
+}

@@ -281,6 +281,33 @@ mod tests {
         assert_ne!(run(&all, 3), run(&all, 4));
     }
 
+    /// Frames of one sequence are changed alike by giving them the same random numbers: no picture may ask for more of them.
+    #[test]
+    fn how_many_numbers_are_drawn_depends_on_no_picture() {
+        let all = Augmentation {
+            shift: 0.2,
+            shadow: 0.5,
+            ..Augmentation::default()
+        };
+        for seed in 0..40 {
+            let next = |fill: u8, target: f32| {
+                let mut rng = ChaCha8Rng::seed_from_u64(seed);
+                let mut pixels = [fill; 60];
+                pixels[7] = 90;
+                augment(
+                    &all,
+                    [3, 4, 5],
+                    &mut pixels,
+                    &mut [target],
+                    &turns(&[true]),
+                    &mut rng,
+                );
+                rng.random::<u64>()
+            };
+            assert_eq!(next(0, 0.5), next(255, 0.0));
+        }
+    }
+
     #[test]
     fn ranges_are_checked() {
         assert_eq!(Augmentation::default().fault(), None);

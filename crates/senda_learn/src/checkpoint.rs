@@ -34,6 +34,11 @@ pub(crate) fn fingerprint(lesson: &Lesson, beginning: &Weights) -> String {
     for samples in [lesson.training, lesson.validation] {
         digest.add(&samples.pixels);
         digest.add_values(&samples.targets);
+        if lesson.options.is_ordered(lesson.network) {
+            for stretch in samples.stretches() {
+                digest.add(&(stretch.end as u64).to_le_bytes());
+            }
+        }
     }
     format!("{:016x}", digest.0)
 }

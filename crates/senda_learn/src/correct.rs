@@ -346,6 +346,9 @@ fn one(brief: &Brief, spec: &VehicleSpec, model: Option<&Model>, number: u64) ->
             break;
         }
         let right = expert.drive_knowing(&observation, &truth);
+        if observation.first_frame().is_none() {
+            samples.skip();
+        }
         if let (Some(frame), true) = (observation.first_frame(), step >= gathering.skip_frames) {
             let preparer =
                 preparer.get_or_insert_with(|| input.preparer(frame.image.width(), frame.image.height()));

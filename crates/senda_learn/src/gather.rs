@@ -193,10 +193,16 @@ fn add(
         samples.begin_run(&label, &world);
         let mut broken = 0usize;
         let mut first = String::new();
-        for frame in prepared.into_iter().flatten() {
+        for (number, frame) in prepared.into_iter().enumerate() {
+            let before = number.checked_sub(1).map(|before| &kept[before]);
+            if before.is_some_and(|before| is_gap(body, before, &kept[number])) {
+                samples.skip();
+            }
             match frame {
-                Ok((bytes, targets)) => samples.push(&bytes, &targets),
-                Err(reason) => {
+                None => samples.skip(),
+                Some(Ok((bytes, targets))) => samples.push(&bytes, &targets),
+                Some(Err(reason)) => {
+                    samples.skip();
                     broken += 1;
                     if first.is_empty() {
                         first = reason;
@@ -212,6 +218,15 @@ fn add(
         }
     }
     Ok(())
+}
+
+/// Frames further apart than so many periods do not follow each other: between the jitter of real cameras and one lost frame.
+const GAP_PERIODS: f64 = 1.75;
+
+/// Whether frames are missing between two steps: edits took them out, or the camera lost them.
+fn is_gap(body: &Body, before: &Step, after: &Step) -> bool {
+    let apart_ns = after.stamp.ns.saturating_sub(before.stamp.ns);
+    apart_ns as f64 * 1e-9 > GAP_PERIODS * body.period_s
 }
 
 /// Slower than this a car whose pedal is released stands (m/s).

@@ -245,6 +245,7 @@ pub fn learn(
     std::fs::create_dir_all(folder).map_err(|source| LearnError::io(folder, source))?;
     same_experiment(learning, &folder.join("experiment.toml"))?;
 
+    let forgets = learning.training.forgets(&network);
     let mut model = Model {
         weights: Weights::initialised(&network, learning.training.initialisation, learning.seed),
         network,
@@ -253,6 +254,7 @@ pub fn learn(
         provenance: provenance(learning),
         grids: vec![],
         detection: None,
+        forgets,
     };
     let mut all = Samples::new(model.input.len(), learning.answers.len());
     let mut rounds: Vec<Round> = Vec::new();

@@ -37,6 +37,8 @@ pub struct Samples {
     pub targets: Vec<f32>,
     /// The runs, in order, without gaps.
     pub runs: Vec<Run>,
+    /// Frames before which others of the same run are missing, in order.
+    pub breaks: Vec<usize>,
 }
 
 impl Samples {
@@ -69,6 +71,34 @@ impl Samples {
         });
     }
 
+    /// Notes that frames are missing between the one pushed last and the next one: no sequence goes on across the gap.
+    pub fn skip(&mut self) {
+        let next = self.len();
+        let is_inside = self.runs.last().is_some_and(|run| !run.frames.is_empty());
+        if is_inside && self.breaks.last() != Some(&next) {
+            self.breaks.push(next);
+        }
+    }
+
+    /// Stretches of frames that follow each other in time: the runs, cut where frames are missing.
+    pub fn stretches(&self) -> Vec<Range<usize>> {
+        let mut breaks = self.breaks.iter().copied().peekable();
+        let mut stretches = Vec::new();
+        for run in &self.runs {
+            let mut start = run.frames.start;
+            while let Some(end) = breaks.next_if(|end| *end < run.frames.end) {
+                if end > start {
+                    stretches.push(start..end);
+                    start = end;
+                }
+            }
+            if run.frames.end > start {
+                stretches.push(start..run.frames.end);
+            }
+        }
+        stretches
+    }
+
     /// Adds a frame to the run that was begun last.
     ///
     /// # Panics
@@ -90,6 +120,7 @@ impl Samples {
         let shift = self.len();
         self.pixels.extend_from_slice(&other.pixels);
         self.targets.extend_from_slice(&other.targets);
+        self.breaks.extend(other.breaks.iter().map(|place| place + shift));
         self.runs.extend(other.runs.iter().map(|run| Run {
             frames: run.frames.start + shift..run.frames.end + shift,
             ..run.clone()
@@ -135,11 +166,11 @@ impl Samples {
                 continue;
             }
             out.begin_run(&run.name, &run.world);
-            for index in kept {
-                out.push(
-                    self.frame(run.frames.start + index),
-                    self.target(run.frames.start + index),
-                );
+            for index in kept.map(|index| run.frames.start + index) {
+                if self.breaks.binary_search(&index).is_ok() {
+                    out.skip();
+                }
+                out.push(self.frame(index), self.target(index));
             }
         }
         out
@@ -165,5 +196,28 @@ mod tests {
         let last = a.part(|run| run.frames.len() - 1..run.frames.len());
         assert_eq!((last.pixels, last.runs.len()), (vec![3, 4, 5, 6], 2));
         assert!(a.part(|_| 0..0).is_empty());
+    }
+
+    #[test]
+    fn stretches_end_where_runs_end_and_where_frames_are_missing() {
+        let mut a = Samples::new(1, 1);
+        for run in 0..2 {
+            a.begin_run("a", "");
+            a.skip();
+            for frame in 0..5 {
+                if frame == 3 {
+                    a.skip();
+                    a.skip();
+                }
+                a.push(&[run], &[0.0]);
+            }
+            a.skip();
+        }
+        assert_eq!(a.stretches(), [0..3, 3..5, 5..8, 8..10]);
+        let mut joined = a.part(|_| 2..5);
+        assert_eq!(joined.stretches(), [0..1, 1..3, 3..4, 4..6]);
+        joined.append(&a);
+        assert_eq!(joined.stretches()[4..], [6..9, 9..11, 11..14, 14..16]);
+        assert!(Samples::new(1, 1).stretches().is_empty());
     }
 }

@@ -16,6 +16,8 @@ struct Head {
     outputs: usize,
     frames: usize,
     runs: Vec<(String, String, usize)>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    breaks: Vec<usize>,
 }
 
 /// Writes beside the old file, then in its place.
@@ -51,6 +53,7 @@ pub(crate) fn write_round(
             .iter()
             .map(|run| (run.name.clone(), run.world.clone(), run.frames.len()))
             .collect(),
+        breaks: samples.breaks.clone(),
     };
     let head = serde_json::to_vec(&head).unwrap_or_default();
     replace(samples_path, |file| {
@@ -109,7 +112,8 @@ fn parse(bytes: &[u8]) -> Option<Samples> {
         });
         start = end;
     }
-    (start == head.frames).then(|| Samples {
+    let is_whole = start == head.frames && head.breaks.is_sorted();
+    is_whole.then(|| Samples {
         frame_len: head.frame_len,
         outputs: head.outputs,
         pixels: rest[..pixels].to_vec(),
@@ -118,6 +122,7 @@ fn parse(bytes: &[u8]) -> Option<Samples> {
             .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
             .collect(),
         runs,
+        breaks: head.breaks,
     })
 }
 
@@ -133,6 +138,7 @@ mod tests {
         let mut samples = Samples::new(3, 2);
         samples.begin_run("a", "oval");
         samples.push(&[1, 2, 3], &[0.5, -0.5]);
+        samples.skip();
         samples.push(&[4, 5, 6], &[0.25, 1.0]);
         let round = Round {
             number: 0,

@@ -3,8 +3,9 @@
 use crate::augment::{Answers, Augmentation, augment};
 use crate::balance::Balance;
 use crate::checkpoint;
+use crate::order::{self, Portion};
 use crate::{LearnError, Samples};
-use rand::{SeedableRng, seq::SliceRandom};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use senda_nets::{Initialisation, InputSpec, Network, TrainOptions, Trainer, Weights};
 use senda_run::Ears;
@@ -19,8 +20,12 @@ pub struct Training {
     pub epochs: u32,
     /// How fresh weights are drawn.
     pub initialisation: Initialisation,
-    /// Samples a step.
+    /// Samples a step; for a network that learns sequences, runs side by side.
     pub batch: usize,
+    /// Frames of a run that a network with a memory learns from at once (back-propagation through time, truncated to them);
+    /// the memory is carried on from one such sequence to the next and forgotten where a run ends (B5 in SPEC). 1: single
+    /// frames in any order, without memory. Networks without a memory always learn from single frames.
+    pub sequence: usize,
     /// Adam's step size at the beginning.
     pub learning_rate: f64,
     /// How it changes.
@@ -46,6 +51,7 @@ impl Default for Training {
             epochs: 10,
             initialisation: Initialisation::default(),
             batch: 32,
+            sequence: 16,
             learning_rate: 1e-3,
             schedule: Schedule::Constant,
             patience: 0,
@@ -95,6 +101,9 @@ impl Training {
         if self.batch == 0 || self.batch > 65_536 {
             return wrong("batch", "1 to 65536", self.batch.to_string());
         }
+        if self.sequence == 0 || self.sequence > 1024 {
+            return wrong("sequence", "1 to 1024", self.sequence.to_string());
+        }
         if !(self.learning_rate > 0.0 && self.learning_rate <= 10.0) {
             return wrong(
                 "learning_rate",
@@ -112,6 +121,16 @@ impl Training {
             Some((key, range, value)) => wrong(key, range, value.to_string()),
             None => Ok(()),
         }
+    }
+
+    /// Whether this network learns from frames in their order, and carries its memory from one to the next.
+    pub fn is_ordered(&self, network: &Network) -> bool {
+        network.is_recurrent() && self.sequence > 1
+    }
+
+    /// Whether a model trained so is to forget before every picture ([`senda_nets::Model::forgets`]).
+    pub fn forgets(&self, network: &Network) -> bool {
+        network.is_recurrent() && !self.is_ordered(network)
     }
 }
 
@@ -238,22 +257,24 @@ pub fn train(
     .unwrap_or_default();
 
     let mut assembler = Assembler::new(input, answers, options, training);
-    let steps_per_epoch = training.len().div_ceil(options.batch) as u64;
-    let of = steps_per_epoch * u64::from(options.epochs);
-    let mut order: Vec<usize> = Vec::new();
+    let is_ordered = options.is_ordered(network);
     for number in progress.history.len() as u32 + 1..=options.epochs {
         if options.patience > 0 && number > progress.best_epoch + options.patience && progress.best_epoch > 0
         {
             break;
         }
-        order.clear();
-        order.extend(0..training.len());
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
         rng.set_stream(u64::from(number));
-        order.shuffle(&mut rng);
+        let portions = if is_ordered {
+            order::in_order(training, options.sequence, options.batch, &mut rng)
+        } else {
+            order::shuffled(training.len(), options.batch, &mut rng)
+        };
+        let steps_per_epoch = portions.len() as u64;
+        let of = steps_per_epoch * u64::from(options.epochs);
         let (mut loss_sum, mut count) = (0.0, 0usize);
         let mut learning_rate = 0.0;
-        for (step, batch) in order.chunks(options.batch).enumerate() {
+        for (step, portion) in portions.iter().enumerate() {
             if (ears.interrupted)() {
                 progress.interrupted = true;
                 return Ok(progress.finish(trainer.weights()));
@@ -261,18 +282,26 @@ pub fn train(
             let done = u64::from(number - 1) * steps_per_epoch + step as u64;
             learning_rate = options.learning_rate * options.schedule.factor(done as f64 / of as f64);
             trainer.set_learning_rate(learning_rate as f32);
-            assembler.assemble(batch, number);
-            let is_weighted = options.curve_weight > 0.0 || options.balance > 0.0;
-            let weights = is_weighted.then_some(&assembler.weights[..]);
-            let loss = f64::from(trainer.step(&assembler.inputs, &assembler.targets, weights));
+            assembler.assemble(portion, number);
+            for stream in &portion.begins {
+                trainer.reset_sequence(*stream);
+            }
+            let is_weighted = is_ordered || options.curve_weight > 0.0 || options.balance > 0.0;
+            let loss = f64::from(trainer.step_sequence(
+                portion.moments,
+                portion.streams,
+                &assembler.inputs,
+                &assembler.targets,
+                is_weighted.then_some(&assembler.weights[..]),
+            ));
             if !loss.is_finite() {
                 return Err(LearnError::Diverged {
                     steps: done,
                     learning_rate,
                 });
             }
-            loss_sum += loss * batch.len() as f64;
-            count += batch.len();
+            loss_sum += loss * portion.len() as f64;
+            count += portion.len();
             (ears.progress)((done + 1) as f64 / of as f64);
             news(News::Step {
                 done: done + 1,
@@ -287,7 +316,13 @@ pub fn train(
                 learning_rate,
             });
         }
-        let judged = (!validation.is_empty()).then(|| errors(&mut trainer, input, validation, options.batch));
+        let judged = (!validation.is_empty()).then(|| {
+            if is_ordered {
+                errors_in_order(&mut trainer, input, validation)
+            } else {
+                errors(&mut trainer, input, validation, options.batch)
+            }
+        });
         let epoch = Epoch {
             number,
             training_loss: loss_sum / count.max(1) as f64,
@@ -367,18 +402,27 @@ impl<'a> Assembler<'a> {
         }
     }
 
-    /// Every sample's changes depend on the seed, the epoch and the sample alone.
-    fn assemble(&mut self, batch: &[usize], epoch: u32) {
+    /// Every sample's changes depend on the seed, the epoch and the sample alone; in a sequence on its first sample: what is
+    /// drawn there holds for all of them, or the memory would hold another world than the picture. Places without a frame
+    /// count nothing, and the others as much more that the loss is their mean.
+    fn assemble(&mut self, portion: &Portion, epoch: u32) {
         let length = self.samples.frame_len;
-        self.inputs.resize(batch.len() * length, 0.0);
+        self.inputs.clear();
+        self.inputs.resize(portion.places.len() * length, 0.0);
         self.targets.clear();
         self.weights.clear();
-        for (place, index) in batch.iter().enumerate() {
-            let mut rng = ChaCha8Rng::seed_from_u64(self.options.seed ^ 0xa5a5_5a5a);
-            rng.set_stream((u64::from(epoch) << 40) | *index as u64);
-            self.frame.copy_from_slice(self.samples.frame(*index));
+        let share = portion.places.len() as f32 / portion.len() as f32;
+        for (place, at) in portion.places.iter().enumerate() {
             let from = self.targets.len();
-            self.targets.extend_from_slice(self.samples.target(*index));
+            let Some(at) = at else {
+                self.targets.resize(from + self.samples.outputs, 0.0);
+                self.weights.push(0.0);
+                continue;
+            };
+            let mut rng = ChaCha8Rng::seed_from_u64(self.options.seed ^ 0xa5a5_5a5a);
+            rng.set_stream((u64::from(epoch) << 40) | at.draw as u64);
+            self.frame.copy_from_slice(self.samples.frame(at.frame));
+            self.targets.extend_from_slice(self.samples.target(at.frame));
             augment(
                 &self.options.augmentation,
                 self.shape,
@@ -392,7 +436,7 @@ impl<'a> Assembler<'a> {
                 .fold(0.0f32, |most, target| most.max(target.abs()));
             let curve = 1.0 + self.options.curve_weight as f32 * largest.min(1.0);
             self.weights
-                .push(curve * self.balance.weight(&self.targets[from..]));
+                .push(share * curve * self.balance.weight(&self.targets[from..]));
             self.input.normalise(
                 &self.frame,
                 &mut self.inputs[place * length..(place + 1) * length],
@@ -401,7 +445,7 @@ impl<'a> Assembler<'a> {
     }
 }
 
-/// Answers for all samples, in order.
+/// Answers for all samples, in order, each without memory of the ones before.
 pub fn answer(trainer: &mut Trainer, input: &InputSpec, samples: &Samples, batch: usize) -> Vec<f32> {
     let mut inputs = Vec::new();
     let mut answers = vec![0.0; samples.len() * samples.outputs];
@@ -423,6 +467,17 @@ pub fn answer(trainer: &mut Trainer, input: &InputSpec, samples: &Samples, batch
 /// Errors of the network in a trainer, dropout off.
 pub fn errors(trainer: &mut Trainer, input: &InputSpec, samples: &Samples, batch: usize) -> Errors {
     let answers = answer(trainer, input, samples, batch);
+    compare(&answers, &samples.targets, samples.outputs)
+}
+
+/// The same with a memory that is carried on through every run, as it is while driving.
+pub fn errors_in_order(trainer: &mut Trainer, input: &InputSpec, samples: &Samples) -> Errors {
+    let mut answers = vec![0.0; samples.len() * samples.outputs];
+    trainer.predict_runs(
+        &samples.stretches(),
+        &|frame, to| input.normalise(samples.frame(frame), to),
+        &mut answers,
+    );
     compare(&answers, &samples.targets, samples.outputs)
 }
 

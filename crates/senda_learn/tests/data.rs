@@ -108,6 +108,24 @@ fn the_beginning_the_end_and_standing_still_are_left_out() {
     assert!(short.is_empty() && short.runs.is_empty());
 }
 
+/// Standing, broken and lost frames leave gaps that no sequence goes on across.
+#[test]
+fn stretches_end_where_frames_were_left_out_or_lost() {
+    let mut run = recording(24, "oval", &["center"]);
+    run.steps[5].command.drive = senda_core::Drive::SpeedMps(0.0);
+    run.steps[9].frames[0].encoded.bytes.truncate(30);
+    run.steps[14].frames.clear();
+    run.steps.remove(20);
+    let (samples, _) = read(
+        &[run, recording(3, "oval", &["center"])],
+        &[Answer::Steering],
+        &everything(),
+    )
+    .unwrap();
+    assert_eq!(samples.runs.len(), 2);
+    assert_eq!(samples.stretches(), [0..5, 5..8, 8..12, 12..17, 17..20, 20..23]);
+}
+
 /// Braking into a curve teaches as much as driving through it (B5); only a car that does not move stands.
 #[test]
 fn a_car_that_brakes_or_coasts_is_not_standing() {

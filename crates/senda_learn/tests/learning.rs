@@ -48,6 +48,7 @@ fn gathered(threads: usize, with_model: bool) -> (Samples, usize, usize) {
         provenance: Provenance::default(),
         grids: vec![],
         detection: None,
+        forgets: false,
         network,
     };
     let brief = Brief {

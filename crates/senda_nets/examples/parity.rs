@@ -137,6 +137,7 @@ fn write_quantised(folder: &Path, network: &Network) -> Result<(), Box<dyn std::
         provenance: Provenance::default(),
         grids: vec![],
         detection: None,
+        forgets: false,
     };
     let batch = 6;
     let inputs = noise(8, batch * shape.len());

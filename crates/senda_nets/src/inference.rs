@@ -19,6 +19,7 @@ pub struct Inference {
     scratch: Scratch,
     /// For every node but the output, where values are to lie on a grid.
     grids: Vec<Grid>,
+    forgets: bool,
 }
 
 impl Inference {
@@ -46,12 +47,19 @@ impl Inference {
             packed,
             engine,
             grids: Vec::new(),
+            forgets: false,
         }
     }
 
     /// The same with every value but the output moved to a grid.
     pub(crate) fn on_grids(mut self, grids: &[Grid]) -> Self {
         self.grids = grids.to_vec();
+        self
+    }
+
+    /// The same with a fresh state at every run, or not.
+    pub(crate) fn forgetting(mut self, forgets: bool) -> Self {
+        self.forgets = forgets;
         self
     }
 
@@ -91,6 +99,9 @@ impl Inference {
             self.engine.chunk,
             input.len()
         );
+        if self.forgets {
+            self.reset_state();
+        }
         self.frame.values[0][..input.len()].copy_from_slice(input);
         self.snap(0, count);
         for index in 0..self.engine.layers.len() {

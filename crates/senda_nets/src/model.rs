@@ -35,6 +35,8 @@ pub struct Model {
     pub grids: Vec<Grid>,
     /// For a detector, what its output means; it has no `outputs` then.
     pub detection: Option<DetectionSpec>,
+    /// Whether the state of recurrent layers is forgotten before every picture, because the network learned from single ones.
+    pub forgets: bool,
 }
 
 /// One output of a network.
@@ -113,6 +115,8 @@ struct Head {
     grids: Vec<Grid>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     detection: Option<DetectionSpec>,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    forgets: bool,
 }
 
 impl Model {
@@ -121,9 +125,11 @@ impl Model {
         !self.grids.is_empty()
     }
 
-    /// Ready to run one input at a time; a quantised model's values lie on its grids.
+    /// Ready to run one input at a time; a quantised model's values lie on its grids, and one that forgets has no state.
     pub fn inference(&self) -> Inference {
-        Inference::new(&self.network, &self.weights, 1).on_grids(&self.grids)
+        Inference::new(&self.network, &self.weights, 1)
+            .on_grids(&self.grids)
+            .forgetting(self.forgets)
     }
 
     /// The file's bytes.
@@ -136,6 +142,7 @@ impl Model {
             provenance: self.provenance.clone(),
             grids: self.grids.clone(),
             detection: self.detection.clone(),
+            forgets: self.forgets,
         };
         let mut header = Map::new();
         let text = serde_json::to_string(&head).unwrap_or_default();
@@ -290,6 +297,7 @@ impl Model {
             provenance: head.provenance,
             grids: head.grids,
             detection: head.detection,
+            forgets: head.forgets,
         })
     }
 
@@ -440,6 +448,7 @@ mod tests {
             },
             grids: vec![],
             detection: None,
+            forgets: false,
             network,
         }
     }
@@ -450,6 +459,11 @@ mod tests {
         let path = folder.path().join("a.senda");
         model().save(&path).unwrap();
         assert_eq!(Model::load(&path).unwrap(), model());
+        let forgetful = Model {
+            forgets: true,
+            ..model()
+        };
+        assert_eq!(Model::from_bytes("m", &forgetful.to_bytes()).unwrap(), forgetful);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 

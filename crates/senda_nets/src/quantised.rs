@@ -214,6 +214,7 @@ mod tests {
             provenance: Provenance::default(),
             grids: vec![],
             detection: None,
+            forgets: false,
         }
     }
 

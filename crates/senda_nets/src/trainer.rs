@@ -5,6 +5,7 @@ use crate::network::{Kind, Network};
 use crate::weights::Weights;
 use crate::workers::Workers;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError, RwLock};
 use thiserror::Error;
 
@@ -436,6 +437,48 @@ impl Trainer {
                 let from = &frame.values[engine.layers.len()][..count * out_len];
                 let mut outputs = outputs.write().unwrap_or_else(PoisonError::into_inner);
                 outputs[place * out_len..(place + count) * out_len].copy_from_slice(from);
+            }
+        });
+    }
+
+    /// Outputs for every frame of runs, each from a fresh state that it carries on in order. Frames are numbered: `runs` are
+    /// ranges of them, `read` puts a frame's input (planar) where it is told to, and its outputs land at its own place.
+    ///
+    /// # Panics
+    /// When `outputs` ends before the last frame's.
+    pub fn predict_runs(
+        &mut self,
+        runs: &[Range<usize>],
+        read: &(dyn Fn(usize, &mut [f32]) + Sync),
+        outputs: &mut [f32],
+    ) {
+        let engine = &self.engine;
+        let (in_len, out_len) = (engine.network.input().len(), engine.network.output_len());
+        let (packed, weights, memory) = (&self.packed, &self.weights, &self.worker_memory);
+        let outputs = RwLock::new(outputs);
+        self.workers.run(runs.len(), &|worker, run| {
+            let worker = &mut *lock(&memory[worker]);
+            for values in &mut worker.state.values {
+                values.fill(0.0);
+            }
+            let frame = &mut worker.frames[0];
+            for number in runs[run].clone() {
+                read(number, &mut frame.values[0][..in_len]);
+                for index in 0..engine.layers.len() {
+                    engine.forward(
+                        index,
+                        Mode::Inference,
+                        &weights.values,
+                        packed,
+                        frame,
+                        &mut worker.state,
+                        &mut worker.scratch,
+                        1,
+                    );
+                }
+                let from = &frame.values[engine.layers.len()][..out_len];
+                let mut outputs = outputs.write().unwrap_or_else(PoisonError::into_inner);
+                outputs[number * out_len..(number + 1) * out_len].copy_from_slice(from);
             }
         });
     }

@@ -90,6 +90,8 @@ fn info(path: &Path, json: bool) -> Result<()> {
             "outputs": model.outputs,
             "provenance": model.provenance,
             "quantised": model.is_quantised(),
+            "recurrent": model.network.is_recurrent(),
+            "forgets": model.forgets,
         });
         println!("{}", serde_json::to_string_pretty(&value)?);
         return Ok(());
@@ -129,6 +131,13 @@ fn info(path: &Path, json: bool) -> Result<()> {
     }
     if model.is_quantised() {
         println!("  precision   8 bits");
+    }
+    if model.network.is_recurrent() {
+        let memory = match model.forgets {
+            true => "none: emptied before every picture",
+            false => "from picture to picture",
+        };
+        println!("  memory      {memory}");
     }
     let made = &model.provenance;
     println!(

@@ -105,6 +105,9 @@ pub(crate) struct Arguments {
     /// Samples a step
     #[arg(long, value_name = "N")]
     batch: Option<usize>,
+    /// Consecutive frames of a run that a network with a memory learns from at once; 1: single frames, without the memory
+    #[arg(long, value_name = "N")]
+    sequence: Option<usize>,
     /// Adam's step size
     #[arg(long, value_name = "RATE")]
     learning_rate: Option<f64>,
@@ -173,6 +176,7 @@ impl Arguments {
         let training = &mut experiment.training;
         training.epochs = self.epochs.unwrap_or(training.epochs);
         training.batch = self.batch.unwrap_or(training.batch);
+        training.sequence = self.sequence.unwrap_or(training.sequence);
         training.learning_rate = self.learning_rate.unwrap_or(training.learning_rate);
         training.balance = self.balance.unwrap_or(training.balance);
         training.patience = self.patience.unwrap_or(training.patience);
@@ -340,6 +344,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             .metrics
             .insert("best_epoch".into(), serde_json::to_value(best)?);
     }
+    let forgets = experiment.training.forgets(&network);
     let model = Model {
         outputs: experiment.answers.iter().map(|answer| answer.output()).collect(),
         network,
@@ -348,6 +353,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         provenance,
         grids: vec![],
         detection: None,
+        forgets,
     };
     model.save(&arguments.out)?;
     let in_folder = arguments.folder.as_ref().map(|folder| folder.join("report.html"));

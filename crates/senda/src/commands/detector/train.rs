@@ -220,6 +220,7 @@ fn begin(arguments: &Arguments, classes: &[String], seed: u64) -> Result<Model> 
         provenance: Provenance::default(),
         grids: vec![],
         detection: Some(darknet.detection),
+        forgets: false,
     })
 }
 

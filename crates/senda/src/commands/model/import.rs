@@ -172,6 +172,7 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
         weights: imported.weights,
         grids: vec![],
         detection: None,
+        forgets: false,
     };
     model.save(&arguments.out)?;
     if arguments.json {
