@@ -65,15 +65,23 @@ pub(super) fn stop_before(view: &StreetView, options: &MissionOptions, stopped: 
 pub(super) struct Remembered {
     at: Vec2,
     direction_rad: f64,
+    /// Where it begins (m ahead): what is seen nearer belongs to the line that is left.
+    begins_m: f64,
 }
 
 impl Remembered {
     pub(super) fn of(line: &FarLine) -> Self {
-        let ahead_m = 0.5;
+        let middle_m = 0.5 * (line.span_m[0] + line.span_m[1]);
         Self {
-            at: Vec2::new(ahead_m, line.left_at(ahead_m)),
+            at: Vec2::new(middle_m, line.left_at(middle_m)),
             direction_rad: trig::atan(line.slope),
+            begins_m: line.span_m[0],
         }
+    }
+
+    /// What is seen nearer than this is not it (m ahead): its beginning, with what reckoning may be wrong by.
+    pub(super) fn starts_m(&self) -> f64 {
+        (self.begins_m - 0.08).max(0.0)
     }
 
     /// After the vehicle went on and turned.
@@ -82,6 +90,7 @@ impl Remembered {
         let from = self.at - Vec2::new(forward_m, 0.0);
         self.at = Vec2::new(from.x * cos + from.y * sin, from.y * cos - from.x * sin);
         self.direction_rad -= turned_rad;
+        self.begins_m -= forward_m;
     }
 
     pub(super) fn slope(&self) -> f64 {
@@ -107,5 +116,54 @@ impl Remembered {
     pub(super) fn command(&self, speed_mps: f64) -> Command {
         let ahead_m = 0.38;
         towards(Vec2::new(ahead_m, self.left_at(ahead_m)), speed_mps)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A line that stays where it is on the floor, seen from a vehicle that goes on and turns.
+    #[test]
+    fn what_is_remembered_stays_where_it_is() {
+        let line = FarLine {
+            intercept_m: 0.02,
+            slope: 0.1,
+            span_m: [0.9, 1.2],
+        };
+        let mut remembered = Remembered::of(&line);
+        assert!((remembered.left_at(0.3) - 0.05).abs() < 1e-9);
+        let (mut here, mut heading_rad) = (Vec2::ZERO, 0.0f64);
+        for _ in 0..100 {
+            let (sin, cos) = trig::sincos(heading_rad);
+            here += Vec2::new(cos, sin) * 0.005;
+            heading_rad += 0.001;
+            remembered.moved(0.005, 0.001);
+        }
+        let (sin, cos) = trig::sincos(heading_rad);
+        for ahead_m in [0.3, 0.6] {
+            let left_m = remembered.left_at(ahead_m);
+            let at = here + Vec2::new(ahead_m * cos - left_m * sin, ahead_m * sin + left_m * cos);
+            assert!((at.y - line.left_at(at.x)).abs() < 1e-6, "{at}");
+        }
+        assert!((remembered.starts_m() - 0.32).abs() < 1e-9);
+    }
+
+    /// What is seen of it draws it there, and a short piece does not turn it.
+    #[test]
+    fn what_is_seen_corrects_what_is_remembered() {
+        let of = |slope: f64, span_m: [f64; 2], left_m: f64| FarLine {
+            intercept_m: left_m - slope * 0.5 * (span_m[0] + span_m[1]),
+            slope,
+            span_m,
+        };
+        let mut remembered = Remembered::of(&of(0.0, [0.9, 1.1], 0.0));
+        for _ in 0..20 {
+            remembered.corrected(&of(0.0, [0.8, 1.1], 0.03));
+        }
+        assert!((remembered.left_at(0.95) - 0.03).abs() < 0.002);
+        let before = remembered.slope();
+        remembered.corrected(&of(0.2, [1.0, 1.02], 0.03));
+        assert!((remembered.slope() - before).abs() < 0.01);
     }
 }

@@ -486,9 +486,9 @@ impl MissionDriver {
                 if let Some(seen) = self
                     .eyes
                     .as_ref()
-                    .and_then(|eyes| eyes.line_near(intercept_m, slope, 0.04))
-                    && (seen.slope - slope).abs() < 0.3
-                    && (seen.span_m[0] > 0.45 || self.way.step_m > 0.4)
+                    .and_then(|eyes| eyes.line_near(intercept_m, slope, 0.05, self.beyond.starts_m()))
+                    // Of a short piece only the place counts.
+                    && ((seen.slope - slope).abs() < 0.3 || seen.span_m[1] - seen.span_m[0] < 0.15)
                 {
                     self.beyond.corrected(&seen);
                 }

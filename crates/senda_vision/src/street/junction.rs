@@ -22,6 +22,18 @@ impl FarLine {
     pub fn left_at(&self, ahead_m: f64) -> f64 {
         self.intercept_m + self.slope * ahead_m
     }
+
+    /// The line through a nearer point and the middle of what is seen: of a short piece far away the place is certain and
+    /// the direction is not, but it continues the line on this side.
+    fn through(&self, near: Vec2) -> Self {
+        let middle_m = 0.5 * (self.span_m[0] + self.span_m[1]);
+        let slope = (self.left_at(middle_m) - near.y) / (middle_m - near.x).max(0.1);
+        Self {
+            intercept_m: near.y - slope * near.x,
+            slope,
+            span_m: self.span_m,
+        }
+    }
 }
 
 /// A junction.
@@ -87,7 +99,7 @@ pub(super) fn find(rings: &Rings, line: &Trace) -> Option<Junction> {
     (straight && apart && beyond.span_m[1] - beyond.span_m[0] >= SEEN_M).then_some(Junction {
         distance_m,
         side,
-        beyond,
+        beyond: beyond.through(mean),
     })
 }
 

@@ -127,10 +127,10 @@ impl StreetEyes {
         &self.view
     }
 
-    /// Green clusters of the last frame near a line y = `intercept_m` + `slope`·x, as a fit of them: for crossing a
-    /// junction (D6). `None`: too few.
-    pub fn line_near(&self, intercept_m: f64, slope: f64, gate_m: f64) -> Option<FarLine> {
-        junction::fit_near(&self.rings, intercept_m, slope, gate_m, 0.0)
+    /// Green clusters of the last frame near a line y = `intercept_m` + `slope`·x and at least `from_m` ahead, as a fit of
+    /// them: for crossing a junction (D6). `None`: too few.
+    pub fn line_near(&self, intercept_m: f64, slope: f64, gate_m: f64, from_m: f64) -> Option<FarLine> {
+        junction::fit_near(&self.rings, intercept_m, slope, gate_m, from_m)
     }
 
     /// What was last seen.

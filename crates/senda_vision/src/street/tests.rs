@@ -1,5 +1,7 @@
 use super::colours::{ColourLimits, lightness, shrink};
 use super::crossing::{find, low_median};
+use super::junction;
+use super::trace::{Expected, Rings, Trace};
 use senda_core::{Channels, Image};
 use senda_geom::Vec2;
 
@@ -61,4 +63,40 @@ fn crossings_of_points_are_measured() {
     }
     assert_eq!(find(&bars(1, 0.0)), None);
     assert_eq!(find(&[]), None);
+}
+
+/// Far away a short piece's direction is anybody's guess; the line through both sides of the gap is not.
+#[test]
+fn a_junctions_far_line_continues_the_near_one() {
+    for tilt in [-0.18, 0.0, 0.18] {
+        let mut rings = Rings::default();
+        let mut thick = |middle: Vec2| {
+            for across in -3..=3 {
+                rings.push(middle + Vec2::new(0.0, 0.003 * f64::from(across)));
+            }
+        };
+        for i in 0..60 {
+            let ahead_m = 0.27 + 0.005 * f64::from(i);
+            // Straight for a while, then to the right.
+            let right_m = if ahead_m > 0.42 {
+                2.5 * (ahead_m - 0.42).powi(2)
+            } else {
+                0.0
+            };
+            thick(Vec2::new(ahead_m, 0.01 - right_m));
+        }
+        for i in 0..40 {
+            let ahead_m = 1.05 + 0.005 * f64::from(i);
+            thick(Vec2::new(ahead_m, 0.01 + tilt * (ahead_m - 1.15)));
+        }
+        rings.cluster();
+        let mut line = Trace::default();
+        rings.trace(Expected::default(), &mut line);
+        let junction = junction::find(&rings, &line).unwrap();
+        assert_eq!(junction.side, -1);
+        for ahead_m in [0.5, 1.15] {
+            let off_m = junction.beyond.left_at(ahead_m) - 0.01;
+            assert!(off_m.abs() < 0.012, "{tilt}: {off_m} m at {ahead_m} m");
+        }
+    }
 }
