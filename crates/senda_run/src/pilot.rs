@@ -4,16 +4,22 @@ use crate::RunError;
 use senda_core::{Body, Command, Driver, Explanation, Observation, PrivilegedDriver, Truth};
 use senda_drivers::{
     ExpertDriver, ExpertOptions, HoughDriver, HoughDriverOptions, HumanDriver, HumanOptions, LaneDriver,
-    LaneOptions, LineDriver, LineOptions, ManualDriver, MissionDriver, MissionOptions, NeuralDriver,
-    NeuralOptions,
+    LaneOptions, LineDriver, LineOptions, ManualDriver, MissionDriver, MissionOptions, NetworkDetector,
+    NeuralDriver, NeuralOptions,
 };
 use senda_geom::Curve;
 use senda_nets::Model;
+use senda_vision::{ClassicalDetector, Detector};
 use serde::de::DeserializeOwned;
 use std::path::Path;
 
 /// The name of a person's drive in scenarios and recordings.
 pub const MANUAL: &str = "manual";
+
+/// The mission's option that names what finds signs and lights: [`CLASSICAL`], or the file of a trained network.
+pub(crate) const DETECTOR: &str = "detector";
+/// Signs and lights by colours and shapes.
+const CLASSICAL: &str = "classical";
 
 /// A driver, the one kind of driver that is told the truth, or a person.
 pub enum Pilot {
@@ -93,9 +99,12 @@ impl Pilot {
                 Self::Driver(Box::new(NeuralDriver::new(body, model, options)?))
             }
             "mission" => {
-                let mut options: MissionOptions = parse_options(name, options)?;
+                let mut options = options.clone();
+                let detector = options.remove(DETECTOR);
+                let mut options: MissionOptions = parse_options(name, &options)?;
                 options.set_speed(speed_mps);
-                Self::Driver(Box::new(MissionDriver::new(body, options)?))
+                let detector = detector_of(detector.as_ref(), name, &options)?;
+                Self::Driver(Box::new(MissionDriver::with_detector(body, options, detector)?))
             }
             "expert" => {
                 let mut options: ExpertOptions = parse_options(name, options)?;
@@ -155,6 +164,30 @@ impl Pilot {
             Self::Person(driver) => driver.is_done(),
             Self::Privileged(_) => false,
         }
+    }
+}
+
+/// What finds signs and lights for a mission: by colours and shapes unless a trained network is named.
+fn detector_of(
+    named: Option<&toml::Value>,
+    driver: &str,
+    options: &MissionOptions,
+) -> Result<Box<dyn Detector>, RunError> {
+    match named {
+        None => Ok(Box::new(ClassicalDetector::new(options.classical))),
+        Some(toml::Value::String(name)) if name == CLASSICAL => {
+            Ok(Box::new(ClassicalDetector::new(options.classical)))
+        }
+        Some(toml::Value::String(path)) => {
+            let model = Model::load(Path::new(path))?;
+            Ok(Box::new(NetworkDetector::new(&model, options.sure as f32)?))
+        }
+        Some(other) => Err(RunError::DriverOptions {
+            driver: driver.to_owned(),
+            reason: format!(
+                "detector: expected {CLASSICAL:?} or the file of a trained detector in quotes, but found {other}"
+            ),
+        }),
     }
 }
 

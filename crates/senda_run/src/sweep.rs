@@ -4,7 +4,7 @@
 //! line, in the order in which runs end; a second start reads that file and does only what is missing. Nothing depends
 //! on the number of threads but the order of the lines.
 
-use crate::{Ears, RunError, Scenario, drive, random, scenario::StartOffset};
+use crate::{Ears, RunError, Scenario, drive, pilot, random, scenario::StartOffset};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -241,15 +241,17 @@ fn unravel(mut number: usize, sizes: &[usize; 9]) -> [usize; 9] {
     places
 }
 
-/// The keys of runs: the same scenario (with the same model file's content) under the same version of senda gives the same
-/// result. A model file that many runs share is read once.
+/// The keys of runs: the same scenario (with the same content of the model files that its driver is given) under the same
+/// version of senda gives the same result. A model file that many runs share is read once.
 fn keys(runs: &[Scenario]) -> Vec<String> {
     let hex = |bytes: &[u8]| -> String { bytes.iter().map(|byte| format!("{byte:02x}")).collect() };
     let mut models: BTreeMap<&str, String> = BTreeMap::new();
     let key = |scenario| {
         let mut text = format!("{}\n{}", env!("CARGO_PKG_VERSION"), Scenario::to_toml(scenario));
-        let model = scenario.driver_options.get("model").and_then(toml::Value::as_str);
-        if let Some(model) = model {
+        for option in ["model", pilot::DETECTOR] {
+            let Some(model) = scenario.driver_options.get(option).and_then(toml::Value::as_str) else {
+                continue;
+            };
             text += models.entry(model).or_insert_with(|| {
                 std::fs::read(model).map_or_else(|_| String::new(), |content| hex(&Sha256::digest(content)))
             });
@@ -416,6 +418,25 @@ mod tests {
         .runs()
         .unwrap();
         assert_eq!(sampled.len(), 10);
+    }
+
+    /// Another content of a model file, under whichever option, is another run.
+    #[test]
+    fn keys_follow_the_content_of_models() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("model.senda");
+        for option in ["model", "detector"] {
+            let mut plan = plan();
+            plan.base
+                .driver_options
+                .insert(option.to_owned(), path.to_str().unwrap().into());
+            let runs = plan.runs().unwrap();
+            std::fs::write(&path, "one").unwrap();
+            let one = keys(&runs);
+            assert_eq!(keys(&runs), one);
+            std::fs::write(&path, "other").unwrap();
+            assert_ne!(keys(&runs), one, "{option}");
+        }
     }
 
     #[test]

@@ -45,6 +45,8 @@ pub struct MissionOptions {
     pub colours: ColourLimits,
     /// Bounds of code reading.
     pub codes: QrLimits,
+    /// A trained detector's boxes count from this confidence on (0 ..= 1).
+    pub sure: f64,
     /// The classical detector's limits.
     pub classical: ClassicalOptions,
 }
@@ -71,6 +73,7 @@ impl Default for MissionOptions {
             empty_v: 13.2,
             colours: ColourLimits::default(),
             codes: QrLimits::default(),
+            sure: 0.5,
             classical: ClassicalOptions::default(),
         }
     }
@@ -100,6 +103,7 @@ impl MissionOptions {
         check("package_limit_s", self.package_limit_s, 0.0, 1e5)?;
         check("light_limit_s", self.light_limit_s, 0.0, 1e5)?;
         check("way_limit_m", self.way_limit_m, 0.5, 1e4)?;
-        check("empty_v", self.empty_v, 0.0, 1e3)
+        check("empty_v", self.empty_v, 0.0, 1e3)?;
+        check("sure", self.sure, 0.0, 1.0)
     }
 }
