@@ -5,10 +5,11 @@ use super::{
     write_file,
 };
 use crate::terminal;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use senda_eval::delivery::{Event, Stop};
 use senda_run::Scenario;
+use senda_world::PlaceKind;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -57,6 +58,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         None => Scenario::new("warehouse", "warehouse-cart", "mission"),
     };
     let scenario = arguments.flags.over(base)?;
+    check(&scenario)?;
     if let Some(path) = &arguments.scenario_out {
         write_file(path, scenario.to_toml().as_bytes())?;
     }
@@ -96,4 +98,32 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         terminal::print(delivery.text().trim_end())?;
     }
     Ok(())
+}
+
+/// Refuses what cannot be delivered before anything is driven. (`senda drive` shows a vehicle any package.)
+fn check(scenario: &Scenario) -> Result<()> {
+    let world = scenario.resolve_world()?;
+    let Some(warehouse) = &world.warehouse else {
+        bail!(
+            "{} is no warehouse; expected one, such as warehouse or random-warehouse:1: `senda world list` shows them",
+            scenario.world
+        );
+    };
+    let mut packages: Vec<String> = warehouse
+        .places
+        .iter()
+        .filter_map(|place| match place.kind {
+            PlaceKind::Depot { number } => Some(format!("I{number}")),
+            _ => None,
+        })
+        .collect();
+    packages.sort();
+    match &scenario.package {
+        Some(package) if !packages.contains(package) => bail!(
+            "--package: expected one of {}, the depots of {}, but found {package:?}",
+            packages.join(", "),
+            scenario.world
+        ),
+        _ => Ok(()),
+    }
 }

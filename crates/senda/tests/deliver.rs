@@ -1,0 +1,88 @@
+//! Deliveries as a user types them. Whole ones take minutes here and are measured in docs/results/deliveries.md; these are the
+//! first seconds of one.
+
+use assert_cmd::Command;
+use predicates::prelude::*;
+use predicates::str::contains;
+
+fn senda(arguments: &[&str]) -> assert_cmd::assert::Assert {
+    Command::cargo_bin("senda")
+        .unwrap()
+        .arg("deliver")
+        .args(arguments)
+        .assert()
+}
+
+fn json(arguments: &[&str]) -> serde_json::Value {
+    let output = senda(arguments).success();
+    serde_json::from_slice(&output.get_output().stdout).unwrap()
+}
+
+#[test]
+fn a_delivery_begins_says_what_it_does_and_is_the_same_every_time() {
+    let begin = [
+        "--package",
+        "I1",
+        "--seed",
+        "3",
+        "--image",
+        "320x240",
+        "--time-limit",
+        "3",
+        "--json",
+    ];
+    let one = json(&begin);
+    assert_eq!((&one["goal"], &one["package"]), (&1.into(), &"I1".into()));
+    assert_eq!(one["delivered_to"], serde_json::Value::Null);
+    for (key, value) in [("correct", false), ("returned", false)] {
+        assert_eq!(one[key], value, "{key}");
+    }
+    for key in ["red_light_violations", "departures"] {
+        assert_eq!(one[key], 0, "{key}");
+    }
+    assert!((one["time_s"].as_f64().unwrap() - 3.0).abs() < 0.1, "{one}");
+    assert!(one["stops"].is_array() && one["ended"].is_string(), "{one}");
+    let first = one["events"][0]["text"].as_str().unwrap();
+    assert_eq!(first, "wait_package -> to_area: package read, I1");
+    assert_eq!(json(&begin)["digest"], one["digest"]);
+    let mut other = begin;
+    other[3] = "4";
+    assert_ne!(json(&other)["digest"], one["digest"], "other noise");
+}
+
+#[test]
+fn what_cannot_be_delivered_is_refused_by_name() {
+    senda(&["--package", "I9"])
+        .failure()
+        .stderr(contains("\"I9\"").and(contains("I0, I1, I2")));
+    senda(&["--world", "oval"])
+        .failure()
+        .stderr(contains("oval is no warehouse"));
+    senda(&["--option", "detector=5"])
+        .failure()
+        .stderr(contains("detector").and(contains("classical")));
+    senda(&["--option", "detector=no-such-file.senda"])
+        .failure()
+        .stderr(contains("no-such-file.senda"));
+}
+
+/// The network in `models/` finds signs and lights instead of colours and shapes.
+#[test]
+fn a_trained_detector_can_be_chosen() {
+    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/detector-small.senda");
+    let option = format!("detector={model:?}");
+    let one = json(&[
+        "--option",
+        &option,
+        "--image",
+        "320x240",
+        "--time-limit",
+        "1",
+        "--json",
+    ]);
+    assert!(one["frames"].as_u64().unwrap() > 10, "{one}");
+    let lane = option.replace("detector-small", "lane-small");
+    senda(&["--option", &lane])
+        .failure()
+        .stderr(contains("expected a detector"));
+}
