@@ -46,7 +46,8 @@ fn after_program(line: &str) -> Option<&str> {
     if line == "senda" {
         return Some("");
     }
-    if line.starts_with("cargo run") {
+    // An example is another program.
+    if line.starts_with("cargo run") && !line.contains(" --example ") {
         return line.split_once(" -- ").map(|(_, rest)| rest);
     }
     line.strip_prefix("senda ")
@@ -152,6 +153,7 @@ mod tests {
             "senda drive --world oval --laps=2   # a comment --with dashes",
             "$ senda world draw oval --svg | head --lines 3",
             "cargo run --release -- drive --laps 1",
+            "cargo run --release -p senda_nets --example speed -- 20",
         ] {
             assert!(check(line).is_empty(), "{line}: {:?}", check(line));
         }
