@@ -597,7 +597,7 @@ impl Driver for MissionDriver {
             explanation.polyline(code.corners_px, "magenta", true);
             explanation.text(code.corners_px[0], code.text.as_str(), "magenta");
         }
-        explanation.text([4.0, 14.0], self.step.name(), "white");
+        explanation.text([6.0, 34.0], self.step.name(), "white");
     }
 
     fn is_done(&self) -> bool {
