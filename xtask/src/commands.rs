@@ -153,10 +153,17 @@ mod tests {
             "senda drive --world oval --laps=2   # a comment --with dashes",
             "$ senda world draw oval --svg | head --lines 3",
             "cargo run --release -- drive --laps 1",
-            "cargo run --release -p senda_nets --example speed -- 20",
         ] {
             assert!(check(line).is_empty(), "{line}: {:?}", check(line));
         }
+    }
+
+    #[test]
+    fn an_example_is_another_program() {
+        assert_eq!(
+            after_program("cargo run --release -p senda_nets --example speed -- 20"),
+            None
+        );
     }
 
     #[test]
