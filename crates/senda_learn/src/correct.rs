@@ -9,7 +9,7 @@ use senda_core::{Body, Command, Driver, Observation, PrivilegedDriver, Vehicle};
 use senda_drivers::{Answer, ExpertDriver, ExpertOptions, NeuralDriver, NeuralOptions};
 use senda_nets::{InputSpec, Model};
 use senda_run::Guard;
-use senda_sim::{Pushes, SimOptions, Simulator, Start};
+use senda_sim::{Delivery, Pushes, SimOptions, Simulator, Start};
 use senda_world::VehicleSpec;
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -296,6 +296,7 @@ fn one(brief: &Brief, spec: &VehicleSpec, model: Option<&Model>, number: u64) ->
             seed: seed ^ number.wrapping_mul(0x9e37_79b9_7f4a_7c15),
             start,
             pushes: gathering.pushes,
+            delivery: Delivery::Pixels,
             ..SimOptions::default()
         },
     )?;

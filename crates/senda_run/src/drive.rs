@@ -4,7 +4,7 @@ use crate::{Ears, Guard, Pilot, RunError, Scenario, log::Log, referee::Referee, 
 use senda_core::{Body, Command, Explanation, Observation, Truth, Vehicle};
 use senda_data::{Recording, RecordingHeader, RecordingWriter};
 use senda_eval::Summary;
-use senda_sim::{SimOptions, Simulator, Start};
+use senda_sim::{Delivery, SimOptions, Simulator, Start};
 use senda_world::World;
 use serde::{Deserialize, Serialize};
 use std::io::{Cursor, Seek, Write};
@@ -97,6 +97,11 @@ pub fn run_by<W: Write + Seek>(
         start,
         extra_latency_s: scenario.latency_s,
         lost_frames: scenario.lost_frames,
+        // Only recordings keep the bytes.
+        delivery: match sink {
+            Some(_) => Delivery::Compressed,
+            None => Delivery::Pixels,
+        },
         ..SimOptions::default()
     };
     let mut simulator = Simulator::new(world.clone(), &spec, options)?;

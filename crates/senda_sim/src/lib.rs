@@ -32,5 +32,5 @@ mod sensor;
 pub mod simulator;
 
 pub use dynamics::Dynamics;
-pub use options::{Images, Pushes, SimError, SimOptions, Start};
+pub use options::{Delivery, Images, Pushes, SimError, SimOptions, Start};
 pub use simulator::{Simulator, fitting_texel_m};

@@ -16,6 +16,8 @@ pub struct SimOptions {
     pub duration_s: Option<f64>,
     /// Which observations have pictures.
     pub images: Images,
+    /// How the cameras hand their pictures over.
+    pub delivery: Delivery,
     /// Further delay (s) from the exposure to the observation, on top of the camera's own.
     pub extra_latency_s: f64,
     /// Part of the frames that get lost on the way, 0..=1.
@@ -51,6 +53,17 @@ pub enum Images {
     Every(u32),
     /// None: more than 100,000 steps a second.
     Never,
+}
+
+/// How the cameras hand their pictures over. The pixels are the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Delivery {
+    /// With the compressed bytes where the camera compresses: what recordings keep.
+    #[default]
+    Compressed,
+    /// Pixels only, with the artefacts of the compression in them: faster.
+    Pixels,
 }
 
 /// Pushes: for a moment the vehicle turns although nobody steers. Learning by correction needs the recoveries.

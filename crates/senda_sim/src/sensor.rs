@@ -1,9 +1,10 @@
 //! A camera as a sensor: automatic exposure, shutter, noise, JPEG.
 
+use crate::options::{Delivery, SimOptions};
 use crate::random::{Random, Source};
-use crate::render::{Motion, Noise, Optics, Renderer, Scene, Sharpness, Shot};
+use crate::render::{Motion, Noise, Optics, Renderer, Scene, Shot};
 use senda_core::codec;
-use senda_core::{CodecError, Encoded, Frame, Image, ImageFormat, Stamp};
+use senda_core::{CodecError, Encoded, Frame, Image, ImageFormat, JpegArtefacts, Stamp};
 use senda_geom::{Camera, Pose2, trig};
 use senda_world::CameraSpec;
 
@@ -18,6 +19,8 @@ pub(crate) struct CameraSensor {
     random: Random,
     exposure: Option<Exposure>,
     raw: Image,
+    /// What JPEG does to a frame, where its bytes are not wanted.
+    artefacts: Option<JpegArtefacts>,
 }
 
 /// The automatic exposure's state.
@@ -40,14 +43,8 @@ pub(crate) struct Moment {
 }
 
 impl CameraSensor {
-    pub(crate) fn new(
-        spec: &CameraSpec,
-        index: usize,
-        seed: u64,
-        scene: &Scene,
-        sharpness: Sharpness,
-    ) -> Self {
-        let mut random = Random::new(seed, Source::Camera(index as u64));
+    pub(crate) fn new(spec: &CameraSpec, index: usize, scene: &Scene, options: &SimOptions) -> Self {
+        let mut random = Random::new(options.seed, Source::Camera(index as u64));
         let mut mounting = spec.camera.mounting;
         mounting.tilt_rad += spec.mounting_std_rad * random.normal();
         mounting.yaw_rad += spec.mounting_std_rad * random.normal();
@@ -58,7 +55,7 @@ impl CameraSensor {
         let optics = Optics {
             vignetting: spec.vignetting,
             blur_px: spec.blur_px * f64::from(camera.width_px) / BLUR_WIDTH_PX,
-            sharpness,
+            sharpness: options.sharpness,
         };
         Self {
             renderer: Renderer::new(&camera, scene, &optics),
@@ -66,6 +63,10 @@ impl CameraSensor {
             random,
             exposure: None,
             raw: Image::default(),
+            artefacts: match options.delivery {
+                Delivery::Compressed => None,
+                Delivery::Pixels => spec.jpeg_quality.map(JpegArtefacts::new),
+            },
         }
     }
 
@@ -111,12 +112,17 @@ impl CameraSensor {
             frame.camera.clone_from(&self.spec.camera.name);
         }
         frame.stamp = moment.stamp;
-        match self.spec.jpeg_quality {
-            None => {
+        match (self.spec.jpeg_quality, &mut self.artefacts) {
+            (None, _) => {
                 self.renderer.render(scene, &shot, &mut frame.image);
                 frame.encoded = None;
             }
-            Some(quality) => {
+            (Some(_), Some(artefacts)) => {
+                self.renderer.render(scene, &shot, &mut self.raw);
+                artefacts.apply(&self.raw, &mut frame.image)?;
+                frame.encoded = None;
+            }
+            (Some(quality), None) => {
                 self.renderer.render(scene, &shot, &mut self.raw);
                 let encoded = frame.encoded.get_or_insert_with(|| Encoded {
                     format: ImageFormat::Jpeg,

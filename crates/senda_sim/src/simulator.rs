@@ -78,9 +78,7 @@ impl Simulator {
                 .cameras
                 .iter()
                 .enumerate()
-                .map(|(index, camera)| {
-                    CameraSensor::new(camera, index, options.seed, scene, options.sharpness)
-                })
+                .map(|(index, camera)| CameraSensor::new(camera, index, scene, &options))
                 .collect(),
             _ => Vec::new(),
         };

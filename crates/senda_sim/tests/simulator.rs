@@ -3,7 +3,7 @@
 use senda_core::{Command, Observation, Turn, Vehicle};
 use senda_geom::Vec2;
 use senda_sim::render::Scene;
-use senda_sim::{Images, Pushes, SimError, SimOptions, Simulator, Start};
+use senda_sim::{Delivery, Images, Pushes, SimError, SimOptions, Simulator, Start};
 use senda_world::{FloorPainting, VehicleSpec, World};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
@@ -169,6 +169,29 @@ fn digest(simulator: &mut Simulator, steps: usize) -> String {
         simulator.actuate(&Command::curvature(curvature, 0.2)).unwrap();
     }
     hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[test]
+fn pixels_are_the_same_without_the_compressed_bytes() {
+    let spec = vehicle(CAR);
+    assert!(spec.cameras[0].jpeg_quality.is_some(), "the camera compresses");
+    let deliver = |delivery| SimOptions {
+        delivery,
+        ..options(3)
+    };
+    let mut compressed = simulator(&spec, LAMP, deliver(Delivery::Compressed));
+    let mut pixels = simulator(&spec, LAMP, deliver(Delivery::Pixels));
+    let (mut one, mut other) = (Observation::default(), Observation::default());
+    for _ in 0..10 {
+        assert!(compressed.observe(&mut one).unwrap() && pixels.observe(&mut other).unwrap());
+        for (one, other) in one.frames.iter().zip(&other.frames) {
+            assert!(one.image == other.image, "at {:?}", one.stamp);
+            assert!(one.encoded.is_some() && other.encoded.is_none());
+        }
+        compressed.actuate(&Command::curvature(1.5, 0.2)).unwrap();
+        pixels.actuate(&Command::curvature(1.5, 0.2)).unwrap();
+    }
+    assert!(one.frames.len() == 1 && other.frames.len() == 1);
 }
 
 #[test]
