@@ -25,6 +25,10 @@ pub(super) trait Lanes: Copy {
     fn without_first(self) -> Self;
     fn is_zero(self) -> bool;
     fn transpose(block: &mut [Self; 8]);
+    /// Sixteen pixels become sixteen values of each channel.
+    fn take_apart(pixels: &[u8; 48]) -> [[u8; 16]; 3];
+    /// The way back.
+    fn put_together(channels: &[[u8; 16]; 3]) -> [u8; 48];
 }
 
 impl Lanes for [i32; 8] {
@@ -115,6 +119,16 @@ impl Lanes for [i32; 8] {
         let from = *block;
         *block = std::array::from_fn(|y| std::array::from_fn(|x| from[x][y]));
     }
+
+    #[inline(always)]
+    fn take_apart(pixels: &[u8; 48]) -> [[u8; 16]; 3] {
+        std::array::from_fn(|channel| std::array::from_fn(|i| pixels[3 * i + channel]))
+    }
+
+    #[inline(always)]
+    fn put_together(channels: &[[u8; 16]; 3]) -> [u8; 48] {
+        std::array::from_fn(|i| channels[i % 3][i / 3])
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -131,6 +145,45 @@ mod avx2 {
     /// `unsafe` below sound.
     #[derive(Clone, Copy)]
     pub(in super::super) struct Avx2(__m256i);
+
+    /// For each channel, where its values are in each third of sixteen pixels; 0x80 is nowhere and gives zero.
+    const APART: [[[u8; 16]; 3]; 3] = {
+        let mut places = [[[0x80; 16]; 3]; 3];
+        let mut byte = 0;
+        while byte < 48 {
+            places[byte % 3][byte / 16][byte / 3] = (byte % 16) as u8;
+            byte += 1;
+        }
+        places
+    };
+
+    /// For each third of sixteen pixels, which value of each channel goes where.
+    const TOGETHER: [[[u8; 16]; 3]; 3] = {
+        let mut places = [[[0x80; 16]; 3]; 3];
+        let mut byte = 0;
+        while byte < 48 {
+            places[byte / 16][byte % 3][byte % 16] = (byte / 3) as u8;
+            byte += 1;
+        }
+        places
+    };
+
+    /// Three results, each the union of what `places` picks from the three sources.
+    #[inline(always)]
+    fn pick(sources: [&[u8; 16]; 3], places: &[[[u8; 16]; 3]; 3]) -> [[u8; 16]; 3] {
+        // SAFETY: as for `Avx2`; every pointer is to sixteen bytes.
+        unsafe {
+            let [a, b, c] = sources.map(|bytes| _mm_loadu_si128(bytes.as_ptr().cast()));
+            std::array::from_fn(|i| {
+                let [in_a, in_b, in_c] = [0, 1, 2].map(|k| _mm_loadu_si128(places[i][k].as_ptr().cast()));
+                let first_two = _mm_or_si128(_mm_shuffle_epi8(a, in_a), _mm_shuffle_epi8(b, in_b));
+                let all = _mm_or_si128(first_two, _mm_shuffle_epi8(c, in_c));
+                let mut bytes = [0; 16];
+                _mm_storeu_si128(bytes.as_mut_ptr().cast(), all);
+                bytes
+            })
+        }
+    }
 
     /// Calls an intrinsic.
     macro_rules! avx2 {
@@ -257,6 +310,22 @@ mod avx2 {
                 ]
                 .map(Avx2);
             }
+        }
+
+        #[inline(always)]
+        fn take_apart(pixels: &[u8; 48]) -> [[u8; 16]; 3] {
+            let (thirds, _) = pixels.as_chunks::<16>();
+            pick([&thirds[0], &thirds[1], &thirds[2]], &APART)
+        }
+
+        #[inline(always)]
+        fn put_together(channels: &[[u8; 16]; 3]) -> [u8; 48] {
+            let thirds = pick(channels.each_ref(), &TOGETHER);
+            let mut pixels = [0; 48];
+            for (to, from) in pixels.as_chunks_mut::<16>().0.iter_mut().zip(thirds) {
+                *to = from;
+            }
+            pixels
         }
     }
 }

@@ -22,7 +22,9 @@ pub struct JpegArtefacts {
     kind: Kind,
     /// Brightness and the two colour differences.
     planes: [Plane; 3],
-    rows: Rows,
+    /// A row of a colour difference at half the width, then of both at the full width.
+    half: Vec<i16>,
+    whole: [Vec<i16>; 2],
 }
 
 /// Which vectors are used; the bits are the same.
@@ -32,16 +34,6 @@ enum Kind {
     /// Only where the processor has AVX2.
     #[cfg(target_arch = "x86_64")]
     Avx2,
-}
-
-/// Rows of the picture taken apart.
-#[derive(Debug, Clone, Default)]
-struct Rows {
-    /// Red, green and blue.
-    colours: [Vec<u8>; 3],
-    /// A row of a colour difference at half the width, then the two of them at the full width.
-    half: Vec<i16>,
-    whole: [Vec<i16>; 2],
 }
 
 impl JpegArtefacts {
@@ -62,7 +54,8 @@ impl JpegArtefacts {
             colour: Quantiser::new(&transform::COLOUR, quality),
             kind,
             planes: Default::default(),
-            rows: Rows::default(),
+            half: Vec::new(),
+            whole: Default::default(),
         }
     }
 
@@ -87,7 +80,10 @@ impl JpegArtefacts {
                 for plane in differences {
                     plane.reshape(wide / 2, high / 2);
                 }
-                self.rows.reshape(wide);
+                self.half.resize(wide / 2, 0);
+                for row in &mut self.whole {
+                    row.resize(wide, 0);
+                }
             }
         }
         match self.kind {
@@ -143,17 +139,17 @@ impl JpegArtefacts {
         let height = image.height();
         let [luma, blue, red] = &mut self.planes;
         for y in 0..height {
-            self.rows.take_apart(image.row(y));
-            self.rows.brightness(luma.row_mut(y));
-            if y.is_multiple_of(2) {
-                self.rows.differences(blue.row_mut(y / 2), red.row_mut(y / 2));
-            }
+            let differences = y
+                .is_multiple_of(2)
+                .then(|| [blue.row_mut(y / 2), red.row_mut(y / 2)]);
+            take_apart::<L>(image.row(y), luma.row_mut(y), differences);
         }
         luma.fill_down(height);
-        // Below the picture its last row is repeated, also where that one was left out; it is still taken apart.
+        // Below the picture its last row is repeated, also where that one's colours were left out.
         let rows = height.div_ceil(2);
         if rows < blue.height() {
-            self.rows.differences(blue.row_mut(rows), red.row_mut(rows));
+            let last = [blue.row_mut(rows), red.row_mut(rows)];
+            take_apart::<L>(image.row(height - 1), luma.row_mut(height - 1), Some(last));
             blue.fill_down(rows + 1);
             red.fill_down(rows + 1);
         }
@@ -161,84 +157,64 @@ impl JpegArtefacts {
         blue.quantise::<L>(&self.colour);
         red.quantise::<L>(&self.colour);
         for y in 0..height {
-            blue.widened_row(y, &mut self.rows.half, &mut self.rows.whole[0]);
-            red.widened_row(y, &mut self.rows.half, &mut self.rows.whole[1]);
-            self.rows.put_together(luma.row(y), result.row_mut(y));
+            blue.widened_row(y, &mut self.half, &mut self.whole[0]);
+            red.widened_row(y, &mut self.half, &mut self.whole[1]);
+            let [blue, red] = &self.whole;
+            put_together::<L>(luma.row(y), blue, red, result.row_mut(y));
         }
     }
 }
 
-impl Rows {
-    fn reshape(&mut self, width: usize) {
-        for row in &mut self.colours {
-            row.resize(width, 0);
+/// A row's brightness (JFIF's Y) and, if wanted, the colour differences (Cb, Cr) of every second pixel, all less 128. Right of
+/// the picture its last pixel is repeated.
+#[inline(always)]
+fn take_apart<L: Lanes>(pixels: &[u8], luma: &mut [i16], mut differences: Option<[&mut [i16]; 2]>) {
+    let last = pixels.last_chunk::<3>().copied().unwrap_or_default();
+    for (i, luma) in luma.as_chunks_mut::<16>().0.iter_mut().enumerate() {
+        let start = (48 * i).min(pixels.len());
+        let [red, green, blue] = match pixels[start..].first_chunk::<48>() {
+            Some(sixteen) => L::take_apart(sixteen),
+            None => {
+                let mut sixteen = [0; 48];
+                let (pixels, _) = pixels[start..].as_chunks::<3>();
+                for (i, pixel) in sixteen.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+                    *pixel = pixels.get(i).copied().unwrap_or(last);
+                }
+                L::take_apart(&sixteen)
+            }
         }
-        for row in &mut self.whole {
-            row.resize(width, 0);
+        .map(|channel| channel.map(i32::from));
+        for k in 0..16 {
+            luma[k] = ((19595 * red[k] + 38470 * green[k] + 7471 * blue[k] + 0x7fff) >> 16) as i16 - 128;
         }
-        self.half.resize(width / 2, 0);
-    }
-
-    /// Right of the picture its last pixel is repeated.
-    #[inline(always)]
-    fn take_apart(&mut self, pixels: &[u8]) {
-        let (pixels, _) = pixels.as_chunks::<3>();
-        let [red, green, blue] = &mut self.colours;
-        for (((pixel, red), green), blue) in pixels.iter().zip(&mut *red).zip(&mut *green).zip(&mut *blue) {
-            [*red, *green, *blue] = *pixel;
-        }
-        for row in &mut self.colours {
-            let last = row[pixels.len() - 1];
-            row[pixels.len()..].fill(last);
-        }
-    }
-
-    /// JFIF's Y, less 128.
-    #[inline(always)]
-    fn brightness(&self, row: &mut [i16]) {
-        let [red, green, blue] = &self.colours;
-        for (((value, &red), &green), &blue) in row.iter_mut().zip(red).zip(green).zip(blue) {
-            let [red, green, blue] = [i32::from(red), i32::from(green), i32::from(blue)];
-            *value = ((19595 * red + 38470 * green + 7471 * blue + 0x7fff) >> 16) as i16 - 128;
-        }
-    }
-
-    /// JFIF's Cb and Cr, less 128, of every second pixel.
-    #[inline(always)]
-    fn differences(&self, cb_row: &mut [i16], cr_row: &mut [i16]) {
-        let [red, green, blue] = [0, 1, 2].map(|i| self.colours[i].as_chunks::<2>().0);
-        for ((((cb, cr), red), green), blue) in cb_row.iter_mut().zip(cr_row).zip(red).zip(green).zip(blue) {
-            let [red, green, blue] = [i32::from(red[0]), i32::from(green[0]), i32::from(blue[0])];
-            let middle = (128 << 16) + 0x7fff;
+        let Some(rows) = &mut differences else { continue };
+        let [cb, cr] = rows.each_mut().map(|row| &mut row[8 * i..8 * i + 8]);
+        let middle = (128 << 16) + 0x7fff;
+        for k in 0..8 {
+            let [red, green, blue] = [red[2 * k], green[2 * k], blue[2 * k]];
             // The encoder keeps eight bits of each.
-            *cb = ((-11059 * red - 21709 * green + 32768 * blue + middle) >> 16 & 0xff) as i16 - 128;
-            *cr = ((32768 * red - 27439 * green - 5329 * blue + middle) >> 16 & 0xff) as i16 - 128;
+            cb[k] = ((-11059 * red - 21709 * green + 32768 * blue + middle) >> 16 & 0xff) as i16 - 128;
+            cr[k] = ((32768 * red - 27439 * green - 5329 * blue + middle) >> 16 & 0xff) as i16 - 128;
         }
     }
+}
 
-    /// Back to red, green and blue from values of 0..=255, in fourteen bits of fraction.
-    #[inline(always)]
-    fn put_together(&mut self, luma: &[i16], pixels: &mut [u8]) {
-        let [red, green, blue] = &mut self.colours;
-        let [cb_row, cr_row] = &self.whole;
-        for (((((&luma, &cb), &cr), red), green), blue) in luma
-            .iter()
-            .zip(cb_row)
-            .zip(cr_row)
-            .zip(&mut *red)
-            .zip(&mut *green)
-            .zip(&mut *blue)
-        {
-            let [cb, cr] = [i32::from(cb) - 128, i32::from(cr) - 128];
-            let luma = (i32::from(luma) << 14) + 0x1fff;
-            *red = ((luma + 22970 * cr) >> 14).clamp(0, 255) as u8;
-            *green = ((luma - 11700 * cr - 5638 * cb) >> 14).clamp(0, 255) as u8;
-            *blue = ((luma + 29032 * cb) >> 14).clamp(0, 255) as u8;
+/// Back to red, green and blue from values of 0..=255, in fourteen bits of fraction.
+#[inline(always)]
+fn put_together<L: Lanes>(luma: &[i16], cb: &[i16], cr: &[i16], pixels: &mut [u8]) {
+    let sixteens = [luma, cb, cr].map(|row| row.as_chunks::<16>().0);
+    for (i, pixels) in pixels.chunks_mut(48).enumerate() {
+        // In arrays of its own, so that the compiler sees that nothing overlaps.
+        let [luma, cb, cr] = sixteens.map(|sixteens| sixteens[i].map(i32::from));
+        let mut channels = [[0; 16]; 3];
+        for k in 0..16 {
+            let [luma, cb, cr] = [(luma[k] << 14) + 0x1fff, cb[k] - 128, cr[k] - 128];
+            channels[0][k] = ((luma + 22970 * cr) >> 14).clamp(0, 255) as u8;
+            channels[1][k] = ((luma - 11700 * cr - 5638 * cb) >> 14).clamp(0, 255) as u8;
+            channels[2][k] = ((luma + 29032 * cb) >> 14).clamp(0, 255) as u8;
         }
-        let (pixels, _) = pixels.as_chunks_mut::<3>();
-        for (((pixel, &red), &green), &blue) in pixels.iter_mut().zip(&*red).zip(&*green).zip(&*blue) {
-            *pixel = [red, green, blue];
-        }
+        let sixteen = L::put_together(&channels);
+        pixels.copy_from_slice(&sixteen[..pixels.len()]);
     }
 }
 
@@ -312,11 +288,9 @@ impl Plane {
         let (pairs, _) = row.as_chunks_mut::<2>();
         pairs[0] = [half[0], (3 * half[0] + half[1] + 2) >> 2];
         pairs[last] = [(3 * half[last] + half[last - 1] + 2) >> 2, half[last]];
-        for (((pair, &before), &value), &after) in
-            pairs[1..].iter_mut().zip(&*half).zip(&half[1..]).zip(&half[2..])
-        {
-            let near = 3 * value + 2;
-            *pair = [(near + before) >> 2, (near + after) >> 2];
+        for (pair, three) in pairs[1..].iter_mut().zip(half.windows(3)) {
+            let near = 3 * three[1] + 2;
+            *pair = [(near + three[0]) >> 2, (near + three[2]) >> 2];
         }
     }
 }
