@@ -1,10 +1,12 @@
 //! Camera pictures of a floor: one textured look-up a pixel, light, reflections, blur and noise, on the CPU.
 //!
 //! A [`Scene`] holds what all cameras of a world share; a [`Renderer`] holds what one camera needs and draws a
-//! [`Shot`] into an image. Nothing is allocated between frames, and the bytes are the same on every machine.
+//! [`Shot`] into an image. Nothing is allocated between frames, and the bytes are the same on every machine. A frame that
+//! looks at floor where no frame looked before has that painted first, into memory that the scene reserved.
 
 mod backdrop;
 mod blur;
+mod ground;
 mod kernel;
 mod light;
 mod noise;
@@ -13,6 +15,7 @@ mod scene;
 mod texture;
 mod tree;
 mod upright;
+mod view;
 
 pub use backdrop::{Backdrop, Room};
 pub use kernel::Kernel;
@@ -28,6 +31,7 @@ use noise::NoiseTile;
 use rays::{RayTable, Shows};
 use senda_core::{Channels, Image};
 use senda_geom::{Camera, Pose2, trig};
+use view::{Outline, Stand};
 
 /// What a camera's optics do to the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -113,6 +117,9 @@ pub struct Renderer {
     colours: Vec<Colours>,
     behind: Vec<Colours>,
     faces: Vec<upright::Ready>,
+    /// What it sees of the floor.
+    outlines: Vec<Outline>,
+    spans: Vec<[f64; 2]>,
 }
 
 impl Renderer {
@@ -141,6 +148,8 @@ impl Renderer {
             colours: vec![[0; 4 * GROUP]; groups],
             behind: vec![[0; 4 * GROUP]; groups],
             faces: Vec::with_capacity(scene.uprights().len()),
+            outlines: Outline::of_groups(table.floor_groups()),
+            spans: Vec::new(),
             table,
             light,
             blur: LensBlur::new(optics.blur_px, groups),
@@ -179,12 +188,15 @@ impl Renderer {
         );
         upright::prepare(scene.uprights(), &self.camera, shot, &self.table, &mut self.faces);
         let looks_log2 = self.looks_for(&shot.motion);
+        let ground = scene
+            .ground()
+            .seen(&self.outlines, &stand(scene, shot), &mut self.spans);
         let (floor, backdrop) = (floor_looks(scene, shot), backdrop_looks(shot));
         let mut sampler = Sampler {
             kernel: self.kernel,
             table: &self.table,
             scene,
-            ground: scene.ground().texels(),
+            ground: ground.texture().texels(),
             floor: &floor,
             backdrop: &backdrop,
             looks_log2,
@@ -308,6 +320,20 @@ fn instants(log2: u32) -> impl Iterator<Item = (usize, f64, f64)> {
         // Footprint and exposure are crossed in different orders, so that together they cover both.
         (count - 1 + i, part(i), part((i * 5 + 3) % count))
     })
+}
+
+/// Where the vehicle is during an exposure.
+fn stand(scene: &Scene, shot: &Shot) -> Stand {
+    let pose = shot.world_from_vehicle;
+    let (sin, cos) = trig::sincos(pose.heading_rad);
+    let half_s = 0.5 * shot.motion.exposure_s.abs();
+    Stand {
+        at: (pose.position() - scene.origin()) / scene.metres_per_texel(),
+        cos,
+        sin,
+        astray: half_s * shot.motion.speed_mps.abs() / scene.metres_per_texel(),
+        turned: half_s * shot.motion.yaw_rate_radps.abs(),
+    }
 }
 
 fn floor_looks(scene: &Scene, shot: &Shot) -> Looks {

@@ -161,6 +161,20 @@ impl RayTable {
     }
 }
 
+impl RayTable {
+    /// The groups that look at the floor.
+    pub(super) fn floor_groups(&self) -> impl Iterator<Item = &Group> {
+        let rows = self.row_runs.windows(2).map(|row| &self.runs[row[0]..row[1]]);
+        rows.enumerate().flat_map(move |(v, runs)| {
+            let seen = runs.iter().filter(|run| run.shows != Shows::Backdrop);
+            seen.flat_map(move |run| {
+                let row = v * self.groups_per_row;
+                &self.floor[row + run.first..row + run.end]
+            })
+        })
+    }
+}
+
 /// Level and looks for a pixel's footprint.
 struct Detail {
     level: u32,

@@ -1,16 +1,17 @@
 //! What all cameras of a world share: the floor with its levels, the room, lamps and upright things.
 
 use super::backdrop::{Backdrop, Room};
+use super::ground::Ground;
 use super::light::MirroredLamp;
-use super::texture::MipTexture;
 use super::upright::{self, Upright};
 use senda_geom::Vec2;
-use senda_world::{FloorPainting, World, paint};
+use senda_world::paint::Painter;
+use senda_world::{FloorPainting, World};
 
-/// A world made ready for cameras. Costs the painting of the floor once; simulators share it.
+/// A world made ready for cameras, which may share it. Its floor is painted where one of them looks first.
 #[derive(Debug)]
 pub struct Scene {
-    ground: MipTexture,
+    ground: Ground,
     origin: Vec2,
     metres_per_texel: f64,
     glossy: bool,
@@ -20,13 +21,22 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Paints a world with texels of this size (m); larger where the world is too large for the painter's budget.
+    /// A world whose floor has texels of this size (m); larger where the world is too large for the painter's budget.
     pub fn new(world: &World, metres_per_texel: f64) -> Self {
-        Self::of_painting(world, &paint::paint(world, metres_per_texel))
+        let painter = Painter::new(world, metres_per_texel);
+        let place = (painter.origin(), painter.metres_per_texel());
+        let glossy = painter.may_be_glossy();
+        Self::on(world, Ground::new(painter), place, glossy)
     }
 
     /// From a painting of the world's floor.
     pub fn of_painting(world: &World, painting: &FloorPainting) -> Self {
+        let glossy = painting.outside[3] > 0 || painting.texels.iter().any(|texel| texel[3] > 0);
+        let place = (painting.origin, painting.metres_per_texel);
+        Self::on(world, Ground::of_painting(painting), place, glossy)
+    }
+
+    fn on(world: &World, ground: Ground, (origin, metres_per_texel): (Vec2, f64), glossy: bool) -> Self {
         let light = &world.light;
         let colour = |rgb: [u8; 3]| rgb.map(|value| linear(f64::from(value) / 255.0));
         // The painting's brightest place is 1: lamps are measured by the same scale.
@@ -60,16 +70,10 @@ impl Scene {
             hills: world.backdrop.hills.map(|hills| colour(hills.rgb)),
         };
         let landscape = &world.landscape;
-        let glossy = painting.outside[3] > 0 || painting.texels.iter().any(|texel| texel[3] > 0);
         Self {
-            ground: MipTexture::new(
-                painting.width,
-                painting.height,
-                &painting.texels,
-                painting.outside,
-            ),
-            origin: painting.origin,
-            metres_per_texel: painting.metres_per_texel,
+            ground,
+            origin,
+            metres_per_texel,
             glossy,
             backdrop: Backdrop::new(room),
             lamps,
@@ -99,7 +103,7 @@ impl Scene {
         self.metres_per_texel
     }
 
-    /// Whether any of the floor reflects.
+    /// Whether any of the floor may reflect.
     pub fn is_glossy(&self) -> bool {
         self.glossy
     }
@@ -108,7 +112,7 @@ impl Scene {
         &self.backdrop
     }
 
-    pub(super) fn ground(&self) -> &MipTexture {
+    pub(super) fn ground(&self) -> &Ground {
         &self.ground
     }
 

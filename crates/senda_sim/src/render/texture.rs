@@ -2,18 +2,21 @@
 
 use super::kernel::{LEVELS, LevelLayout, STEPS_PER_TEXEL, STRIDE, STRIP, Texel, Texels};
 use senda_core::memory::prefer_large_pages;
-use senda_core::threads::both;
 
 /// A picture of a plane in halving sizes, each with a border of one colour: looks beyond the edge see that colour.
 #[derive(Debug, Clone)]
 pub struct MipTexture {
     texels: Vec<Texel>,
     layouts: [LevelLayout; LEVELS],
-    levels: usize,
+    /// Columns and rows of each level.
+    sizes: Vec<(usize, usize)>,
 }
 
 /// Texels of border on the low sides.
-const BORDER: usize = 1;
+pub(super) const BORDER: usize = 1;
+
+/// Texels of border on the high sides.
+pub(super) const FAR_BORDER: usize = 2;
 
 impl MipTexture {
     /// From `width` x `height` texels R, G, B, A in rows; `outside` is what lies beyond them.
@@ -24,10 +27,29 @@ impl MipTexture {
     /// When the number of texels is not `width · height`, or a side is 0 or above 60,000.
     pub fn new(width: usize, height: usize, texels: &[[u8; 4]], outside: [u8; 4]) -> Self {
         assert_eq!(texels.len(), width * height);
+        let pack = Packing::new();
+        let outside = pack.texel(outside);
+        let mut texture = Self::blank(width, height);
+        let mut picture = Vec::new();
+        pack.texels(texels, &mut picture);
+        for level in 0..texture.levels() {
+            let (width, height) = texture.size(level);
+            texture.surround(level, outside);
+            texture.store(level, [BORDER, BORDER], width, &picture);
+            let mut halved = Vec::new();
+            halve(&picture, (width, height), outside, &mut halved);
+            picture = halved;
+        }
+        texture
+    }
+
+    /// A texture of this size that nobody may look at before its texels and its border are stored. Memory that nothing
+    /// is stored in costs nothing.
+    ///
+    /// # Panics
+    /// When a side is 0 or above 60,000.
+    pub(super) fn blank(width: usize, height: usize) -> Self {
         assert!((1..=60_000).contains(&width) && (1..=60_000).contains(&height));
-        let gloss: [u8; 256] = std::array::from_fn(|a| (255.0 * (a as f64 / 255.0).sqrt()).round() as u8);
-        let pack = |[r, g, b, a]: [u8; 4]| u32::from_le_bytes([r, g, b, gloss[usize::from(a)]]);
-        let outside = pack(outside);
         let sizes = sizes(width, height);
         let mut layouts = [LevelLayout::default(); LEVELS];
         let mut base = 0;
@@ -43,57 +65,80 @@ impl MipTexture {
         for level in sizes.len()..LEVELS {
             layouts[level] = layouts[sizes.len() - 1];
         }
-        let mut all: Vec<Texel> = vec![0; base];
-        prefer_large_pages(&mut all);
-        let finest = Level {
-            width,
-            height,
-            outside,
-            texel: |index: usize| pack(texels[index]),
-        };
-        let (level, coarser) = all.split_at_mut(strips(width) * strip(height));
-        // Half of the finest level's strips, and half of the next level's rows, each.
-        let middle = strips(width) / 2;
-        let (left, right) = level.split_at_mut(middle * strip(height));
-        let (next_width, next_height) = (width.div_ceil(2), height.div_ceil(2));
-        let mut next = vec![0; next_width * next_height];
-        prefer_large_pages(&mut next);
-        let (upper, lower) = next.split_at_mut(next_height / 2 * next_width);
-        both(
-            texels.len(),
-            || {
-                finest.fill_strips(0, left);
-                finest.halve(0, upper);
-            },
-            || {
-                finest.fill_strips(middle, right);
-                finest.halve(next_height / 2, lower);
-            },
-        );
-        let mut rest = coarser;
-        for &(width, height) in &sizes[1..] {
-            let level = Level {
-                width,
-                height,
-                outside,
-                texel: |index: usize| next[index],
-            };
-            let (out, after) = rest.split_at_mut(strips(width) * strip(height));
-            level.fill_strips(0, out);
-            let mut halved = vec![0; width.div_ceil(2) * height.div_ceil(2)];
-            level.halve(0, &mut halved);
-            (next, rest) = (halved, after);
-        }
+        let mut texels: Vec<Texel> = vec![0; base];
+        prefer_large_pages(&mut texels);
         Self {
-            texels: all,
+            texels,
             layouts,
-            levels: sizes.len(),
+            sizes,
         }
+    }
+
+    /// Columns and rows of a level.
+    pub(super) fn size(&self, level: usize) -> (usize, usize) {
+        self.sizes[level]
+    }
+
+    /// Stores rows of `width` packed texels in a level; `at` is the place of the first, counted from the corner of the
+    /// border.
+    pub(super) fn store(&mut self, level: usize, at: [usize; 2], width: usize, rows: &[u32]) {
+        const UPPER: u64 = 0xffff_ffff;
+        let layout = self.layouts[level];
+        let [column, row] = at;
+        let height = rows.len() / width;
+        // A strip begins with the texels that the strip before it ends with.
+        for strip in column.saturating_sub(1) / STRIP..=(column + width - 1) / STRIP {
+            let from = column.max(strip * STRIP);
+            let to = (column + width).min(strip * STRIP + STRIDE);
+            if from >= to {
+                continue;
+            }
+            let within = layout.base as usize + strip * layout.strip as usize + from - strip * STRIP;
+            let of_row = |y: usize| &rows[y * width + from - column..][..to - from];
+            if row > 0 {
+                let above = &mut self.texels[within + (row - 1) * STRIDE..][..to - from];
+                for (out, below) in above.iter_mut().zip(of_row(0)) {
+                    *out = *out & UPPER | Texel::from(*below) << 32;
+                }
+            }
+            for y in 0..height {
+                let out = &mut self.texels[within + (row + y) * STRIDE..][..to - from];
+                if y + 1 < height {
+                    let pairs = of_row(y).iter().zip(of_row(y + 1));
+                    for (out, (upper, lower)) in out.iter_mut().zip(pairs) {
+                        *out = Texel::from(*upper) | Texel::from(*lower) << 32;
+                    }
+                } else {
+                    for (out, upper) in out.iter_mut().zip(of_row(y)) {
+                        *out = Texel::from(*upper) | *out & !UPPER;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Stores the border of a level.
+    pub(super) fn surround(&mut self, level: usize, outside: u32) {
+        let (width, height) = self.size(level);
+        let border = vec![outside; FAR_BORDER * padded(width.max(height))];
+        for (at, [wide, high]) in [
+            ([0, 0], [BORDER, padded(height)]),
+            ([BORDER + width, 0], [FAR_BORDER, padded(height)]),
+            ([0, 0], [padded(width), BORDER]),
+            ([0, BORDER + height], [padded(width), FAR_BORDER]),
+        ] {
+            self.store(level, at, wide, &border[..wide * high]);
+        }
+    }
+
+    /// A packed texel of a level.
+    pub(super) fn texel(&self, level: usize, column: usize, row: usize) -> u32 {
+        self.texels[self.layouts[level].index((column + BORDER) as u32, (row + BORDER) as u32)] as u32
     }
 
     /// Number of levels.
     pub fn levels(&self) -> usize {
-        self.levels
+        self.sizes.len()
     }
 
     /// Where the outer corner of texel (0, 0) lies in a level, in that level's texels times [`STEPS_PER_TEXEL`],
@@ -106,7 +151,7 @@ impl MipTexture {
 
     /// The texel at a place given in texels of level 0 from the outer corner of texel (0, 0): R, G, B, A times 127.
     pub(super) fn look(&self, x: f32, y: f32, level: u32) -> [i32; 4] {
-        let level = (level as usize).min(self.levels - 1);
+        let level = (level as usize).min(self.levels() - 1);
         let layout = &self.layouts[level];
         let shrink = 128.0 / (1u32 << level) as f32;
         let at = |value: f32, limit: f32| (value * shrink + Self::ORIGIN as f32).max(0.0).min(limit) as u32;
@@ -122,9 +167,9 @@ impl MipTexture {
     }
 }
 
-/// Room for the border: 1 before, 2 after.
+/// A side with its border.
 fn padded(side: usize) -> usize {
-    side + BORDER + 2
+    side + BORDER + FAR_BORDER
 }
 
 /// Strips of a level.
@@ -137,71 +182,48 @@ fn strip(height: usize) -> usize {
     padded(height) * STRIDE
 }
 
-/// A level while it is written.
-struct Level<F> {
-    width: usize,
-    height: usize,
-    outside: u32,
-    /// The texel of an index, row by row.
-    texel: F,
+/// Makes texels as they are kept.
+#[derive(Debug)]
+pub(super) struct Packing {
+    gloss: [u8; 256],
 }
 
-impl<F: Fn(usize) -> u32> Level<F> {
-    /// Writes strips, the first of them number `first`, with their border.
-    fn fill_strips(&self, first: usize, out: &mut [Texel]) {
-        let (width, height) = (self.width, self.height);
-        let length = strip(height);
-        // Columns of the border and the level, from the first strip's first.
-        let from = first * STRIP;
-        let wide = out.len() / length * STRIP + 1;
-        let inside = BORDER.max(from)..(BORDER + width).min(from + wide);
-        let (mut here, mut below) = (vec![self.outside; wide], vec![self.outside; wide]);
-        for y in 0..padded(height) {
-            // Row y of the level and its border; the one below it.
-            match (y + 1).checked_sub(BORDER).filter(|y| *y < height) {
-                Some(y) if !inside.is_empty() => {
-                    let texels = y * width + inside.start - BORDER..;
-                    let columns = &mut below[inside.start - from..inside.end - from];
-                    for (out, index) in columns.iter_mut().zip(texels) {
-                        *out = (self.texel)(index);
-                    }
-                }
-                _ => below.fill(self.outside),
-            }
-            for (number, strip) in out.chunks_exact_mut(length).enumerate() {
-                let columns = number * STRIP..number * STRIP + STRIDE;
-                let pairs = here[columns.clone()].iter().zip(&below[columns]);
-                let row = &mut strip[y * STRIDE..(y + 1) * STRIDE];
-                for (out, (upper, lower)) in row.iter_mut().zip(pairs) {
-                    *out = Texel::from(*upper) | Texel::from(*lower) << 32;
-                }
-            }
-            std::mem::swap(&mut here, &mut below);
+impl Packing {
+    pub(super) fn new() -> Self {
+        Self {
+            gloss: std::array::from_fn(|a| (255.0 * (a as f64 / 255.0).sqrt()).round() as u8),
         }
     }
 
-    /// Rows of half the size, rounded up, the first of them number `first`; what is missing at odd edges is outside.
-    fn halve(&self, first: usize, out: &mut [u32]) {
-        let (width, height, outside) = (self.width, self.height, self.outside);
-        let texel = &self.texel;
-        for (row, out) in (first..).zip(out.chunks_exact_mut(width.div_ceil(2))) {
-            let upper = 2 * row * width;
-            let lower = |x: usize| {
-                if 2 * row + 1 < height {
-                    texel(upper + width + x)
-                } else {
-                    outside
-                }
-            };
-            let (pairs, odd) = out.split_at_mut(width / 2);
-            for (x, out) in (0..).step_by(2).zip(pairs) {
-                *out = average(texel(upper + x), texel(upper + x + 1), lower(x), lower(x + 1));
-            }
-            for out in odd {
-                *out = average(texel(upper + width - 1), outside, lower(width - 1), outside);
-            }
+    #[inline]
+    pub(super) fn texel(&self, [r, g, b, a]: [u8; 4]) -> u32 {
+        u32::from_le_bytes([r, g, b, self.gloss[usize::from(a)]])
+    }
+
+    /// Packs texels into `out`, whose memory is reused.
+    pub(super) fn texels(&self, texels: &[[u8; 4]], out: &mut Vec<u32>) {
+        out.clear();
+        out.extend(texels.iter().map(|texel| self.texel(*texel)));
+    }
+}
+
+/// Rows of half the size, rounded up, into `out`, whose memory is reused; what is missing at odd edges is `outside`.
+pub(super) fn halve(picture: &[u32], (width, height): (usize, usize), outside: u32, out: &mut Vec<u32>) {
+    out.clear();
+    for pair in picture.chunks(2 * width) {
+        let (upper, lower) = pair.split_at(width);
+        let [even, odd] = [upper, lower].map(|row| row.as_chunks::<2>());
+        if lower.is_empty() {
+            out.extend(even.0.iter().map(|[a, b]| average(*a, *b, outside, outside)));
+            out.extend(even.1.iter().map(|a| average(*a, outside, outside, outside)));
+        } else {
+            let pairs = even.0.iter().zip(odd.0);
+            out.extend(pairs.map(|([a, b], [c, d])| average(*a, *b, *c, *d)));
+            let singles = even.1.iter().zip(odd.1);
+            out.extend(singles.map(|(a, c)| average(*a, outside, *c, outside)));
         }
     }
+    debug_assert_eq!(out.len(), width.div_ceil(2) * height.div_ceil(2));
 }
 
 /// Halving until one texel is left, rounding up.
@@ -217,7 +239,7 @@ fn sizes(width: usize, height: usize) -> Vec<(usize, usize)> {
 }
 
 /// The mean of four texels, channel by channel, rounded.
-fn average(a: u32, b: u32, c: u32, d: u32) -> u32 {
+pub(super) fn average(a: u32, b: u32, c: u32, d: u32) -> u32 {
     const EVEN: u32 = 0x00ff_00ff;
     let half = |shift: u32| {
         let sum =

@@ -7,6 +7,9 @@ use senda_world::Tree;
 pub(super) const COLUMNS: usize = 40;
 pub(super) const ROWS: usize = 64;
 
+/// Round parts that a crown consists of.
+const BLOBS: usize = 14;
+
 /// Part of the height below the crown.
 const TRUNK: f64 = 0.22;
 
@@ -16,18 +19,17 @@ pub(super) fn picture(tree: &Tree, brightness: [f64; 3]) -> Vec<[u8; 4]> {
     let random = |use_number: u32| unit(tree.seed ^ use_number.wrapping_mul(0x9E37_79B1));
     // Round crowns and tall ones.
     let pointed = random(1);
-    let blobs: Vec<[f64; 3]> = (0..14)
-        .map(|i| {
-            let (up, across) = (random(10 + 3 * i), 2.0 * random(11 + 3 * i) - 1.0);
-            let half = half_width(up, pointed);
-            let size = 0.10 + 0.16 * random(12 + 3 * i);
-            [
-                across * (half - 0.5 * size).max(0.0),
-                TRUNK + (1.0 - TRUNK) * (0.1 + 0.8 * up),
-                size,
-            ]
-        })
-        .collect();
+    let blobs: [[f64; 3]; BLOBS] = std::array::from_fn(|i| {
+        let i = i as u32;
+        let (up, across) = (random(10 + 3 * i), 2.0 * random(11 + 3 * i) - 1.0);
+        let half = half_width(up, pointed);
+        let size = 0.10 + 0.16 * random(12 + 3 * i);
+        [
+            across * (half - 0.5 * size).max(0.0),
+            TRUNK + (1.0 - TRUNK) * (0.1 + 0.8 * up),
+            size,
+        ]
+    });
     let leaf = [0, 1, 2].map(|c| f64::from(tree.colour.rgb[c]) * brightness[c]);
     let wood = [0, 1, 2].map(|c| [74.0, 60.0, 46.0][c] * brightness[c]);
     let mut texels = Vec::with_capacity(COLUMNS * ROWS);
@@ -36,10 +38,23 @@ pub(super) fn picture(tree: &Tree, brightness: [f64; 3]) -> Vec<[u8; 4]> {
         for column in 0..COLUMNS {
             let across = ((column as f64 + 0.5) / COLUMNS as f64 - 0.5) * 2.0;
             let grain = unit(tree.seed ^ ((row * COLUMNS + column) as u32 + 977).wrapping_mul(0x85EB_CA77));
-            // Deepest inside any of the blobs; heights count more, as the picture is higher than wide.
+            // Deepest inside any of the blobs; heights count more, as the picture is higher than wide. The exact
+            // distance, which is slow, decides only between those that are the deepest to within rounding.
+            let away = |[x, y, _]: &[f64; 3]| ((across - x) * 0.55, up - y);
+            let mut rough = [0.0; BLOBS];
+            for (depth, blob) in rough.iter_mut().zip(&blobs) {
+                let (x, y) = away(blob);
+                *depth = 1.0 - (x * x + y * y).sqrt() / blob[2];
+            }
+            let deepest = rough.iter().fold(-1.0f64, |deepest, depth| deepest.max(*depth));
             let depth = blobs
                 .iter()
-                .map(|[x, y, size]| 1.0 - trig::hypot((across - x) * 0.55, up - y) / size)
+                .zip(rough)
+                .filter(|(_, rough)| *rough > deepest - 1e-9)
+                .map(|(blob, _)| {
+                    let (x, y) = away(blob);
+                    1.0 - trig::hypot(x, y) / blob[2]
+                })
                 .fold(-1.0f64, f64::max);
             let light = 0.62 + 0.30 * up - 0.14 * across + 0.25 * (grain - 0.5);
             let byte = |value: f64| value.round().clamp(0.0, 255.0) as u8;

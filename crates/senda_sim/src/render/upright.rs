@@ -7,6 +7,7 @@ use super::texture::MipTexture;
 use super::tree;
 use senda_geom::{Camera, Pose2, Vec2, Vec3};
 use senda_world::{Face, Light, LightProgram, Texture, Tree};
+use std::sync::OnceLock;
 
 /// A face with its picture, lit.
 #[derive(Debug, Clone)]
@@ -17,14 +18,23 @@ pub(super) struct Upright {
     normal: Vec3,
     width_m: f64,
     height_m: f64,
-    /// What is on it: one look, or those between which it changes.
-    looks: Vec<MipTexture>,
+    picture: Picture,
+    /// Drawn when a camera first sees it: one look, or those between which it changes.
+    looks: OnceLock<Vec<MipTexture>>,
     /// When it changes.
     program: Option<LightProgram>,
     /// Texels a metre, along right and down.
     texels_per_m: [f64; 2],
     /// Where a tree stands (world, m): it turns towards the camera, and one sees through between its leaves.
     tree: Option<Vec2>,
+}
+
+/// What is on a face, and how bright white is there (encoded, R, G, B).
+#[derive(Debug, Clone)]
+enum Picture {
+    /// A texture in so many columns and rows of texels.
+    Painted(Texture, [usize; 2], [f64; 3]),
+    Tree(Tree, [f64; 3]),
 }
 
 /// Texels along a thing's longer side, at most: signs and codes are read from near.
@@ -47,28 +57,6 @@ impl Upright {
         } else {
             brightness(face.normal, light)
         };
-        let painted = |texture: &Texture| {
-            let mut texels = Vec::with_capacity(columns * rows);
-            for j in 0..rows {
-                for i in 0..columns {
-                    let mut sum = [0.0; 3];
-                    for (du, dv) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
-                        let colour = texture.colour_at(
-                            (i as f64 + du) * step_x,
-                            (j as f64 + dv) * step_y,
-                            face.width_m,
-                            face.height_m,
-                        );
-                        sum = [0, 1, 2].map(|c| sum[c] + f64::from(colour.rgb[c]) * 0.25);
-                    }
-                    let lit = |c: usize| (sum[c] * level[c]).round().clamp(0.0, 255.0) as u8;
-                    texels.push([lit(0), lit(1), lit(2), 0]);
-                }
-            }
-            // Blended at its edges, so what lies outside must not be seen: repeat a colour of its own.
-            let outside = texels[0];
-            MipTexture::new(columns, rows, &texels, outside)
-        };
         Self {
             corner: face.corner,
             right: face.right,
@@ -76,20 +64,19 @@ impl Upright {
             normal: face.normal,
             width_m: face.width_m,
             height_m: face.height_m,
-            looks: face.texture.looks().iter().map(painted).collect(),
             program: match face.texture {
                 Texture::Light { program, .. } => Some(program),
                 _ => None,
             },
             texels_per_m: [1.0 / step_x, 1.0 / step_y],
             tree: None,
+            picture: Picture::Painted(face.texture.clone(), [columns, rows], level),
+            looks: OnceLock::new(),
         }
     }
 
     /// A tree; its place in the scene is worked out frame by frame.
     pub(super) fn of_tree(tree: &Tree, light: &Light) -> Self {
-        let texels = tree::picture(tree, brightness(Vec3::new(0.0, 0.0, 0.6), light));
-        let outside = texels[0];
         Self {
             corner: Vec3::ZERO,
             right: Vec3::X,
@@ -97,14 +84,55 @@ impl Upright {
             normal: Vec3::Y,
             width_m: tree.width_m,
             height_m: tree.height_m,
-            looks: vec![MipTexture::new(tree::COLUMNS, tree::ROWS, &texels, outside)],
             program: None,
             texels_per_m: [
                 tree::COLUMNS as f64 / tree.width_m,
                 tree::ROWS as f64 / tree.height_m,
             ],
             tree: Some(tree.position),
+            picture: Picture::Tree(*tree, brightness(Vec3::new(0.0, 0.0, 0.6), light)),
+            looks: OnceLock::new(),
         }
+    }
+
+    fn looks(&self) -> &[MipTexture] {
+        self.looks.get_or_init(|| match &self.picture {
+            Picture::Painted(texture, size, level) => {
+                let looks = texture.looks();
+                looks
+                    .iter()
+                    .map(|look| self.painted(look, *size, *level))
+                    .collect()
+            }
+            Picture::Tree(tree, level) => {
+                let texels = tree::picture(tree, *level);
+                vec![MipTexture::new(tree::COLUMNS, tree::ROWS, &texels, texels[0])]
+            }
+        })
+    }
+
+    fn painted(&self, texture: &Texture, [columns, rows]: [usize; 2], level: [f64; 3]) -> MipTexture {
+        let (step_x, step_y) = (self.width_m / columns as f64, self.height_m / rows as f64);
+        let mut texels = Vec::with_capacity(columns * rows);
+        for j in 0..rows {
+            for i in 0..columns {
+                let mut sum = [0.0; 3];
+                for (du, dv) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
+                    let colour = texture.colour_at(
+                        (i as f64 + du) * step_x,
+                        (j as f64 + dv) * step_y,
+                        self.width_m,
+                        self.height_m,
+                    );
+                    sum = [0, 1, 2].map(|c| sum[c] + f64::from(colour.rgb[c]) * 0.25);
+                }
+                let lit = |c: usize| (sum[c] * level[c]).round().clamp(0.0, 255.0) as u8;
+                texels.push([lit(0), lit(1), lit(2), 0]);
+            }
+        }
+        // Blended at its edges, so what lies outside must not be seen: repeat a colour of its own.
+        let outside = texels[0];
+        MipTexture::new(columns, rows, &texels, outside)
     }
 }
 
@@ -281,6 +309,7 @@ pub(super) fn draw_row(faces: &[Upright], ready: &[Ready], table: &RayTable, v: 
         let (width, height) = (face.width_m as f32, face.height_m as f32);
         let texels = face.texels_per_m.map(|value| value as f32);
         let pitch = table.pitch_rad as f32;
+        let picture = &face.looks()[item.look];
         let rays = &table.directions[v * columns + item.first_column..v * columns + item.end_column];
         for (u, ray) in (item.first_column..).zip(rays) {
             let steep = dot(item.normal, *ray);
@@ -306,7 +335,7 @@ pub(super) fn draw_row(faces: &[Upright], ready: &[Ready], table: &RayTable, v: 
             let texel = size_s.max(size_t) * texels[0].max(texels[1]) * 0.7;
             // Logarithm (base 2) from the exponent's bits: the same everywhere.
             let level = ((texel.max(1.0).to_bits() >> 23) - 127).min(12);
-            let [colour @ .., opaque] = face.looks[item.look].look(
+            let [colour @ .., opaque] = picture.look(
                 s.clamp(0.0, width) * texels[0],
                 t.clamp(0.0, height) * texels[1],
                 level,

@@ -9,26 +9,31 @@ type Texel = [u8; 4];
 
 /// Paints the rows of a floor. Texel (i, j) is `origin + (i, j)` of an endless floor, so a larger rectangle of the same
 /// world shows the same floor.
-#[derive(Clone)]
-pub(super) struct Material<'a> {
-    floor: &'a Floor,
+#[derive(Debug)]
+pub(super) struct Material {
+    floor: Floor,
     metres_per_texel: f64,
     gloss: u8,
     seed: u32,
     pattern: Pattern,
 }
 
-#[derive(Clone)]
+#[derive(Debug)]
 enum Pattern {
     /// A finished picture that repeats, every block of it shifted by chance: cut specks are not noticed.
     Picture(Vec<Texel>),
     /// Values 0..=255 that pieces (planks, tiles) turn into their own colours.
-    Pieces {
-        values: Vec<u8>,
-        /// Colours of the pieces of one row of pieces, from the painting's first on, so that they are made once.
-        cache: Vec<Vec<Texel>>,
-        cached_row: i64,
-    },
+    Pieces(Vec<u8>),
+}
+
+/// Colours of the pieces of one row of pieces, made once for the texels' rows that run through them.
+#[derive(Debug, Default)]
+pub(super) struct PieceColours {
+    /// Row of pieces, and number of its first piece with colours.
+    first: Option<(i64, i64)>,
+    /// How many pieces have colours.
+    count: usize,
+    colours: Vec<Vec<Texel>>,
 }
 
 /// Width across planks of the pattern of pieces (texels): a power of two, so that repeating is a mask.
@@ -49,16 +54,14 @@ struct Piece {
     to: f64,
 }
 
-impl<'a> Material<'a> {
-    pub(super) fn new(floor: &'a Floor, metres_per_texel: f64) -> Self {
+impl Material {
+    pub(super) fn new(floor: &Floor, metres_per_texel: f64) -> Self {
         let seed = fold(floor.seed, 1);
-        let gloss = (floor.gloss * 255.0).round() as u8;
-        let contrast = floor.contrast as f32;
-        let pieces = |values: Vec<u8>| Pattern::Pieces {
-            values,
-            cache: Vec::new(),
-            cached_row: i64::MIN,
+        let gloss = match floor.kind {
+            FloorKind::Grass => 0,
+            _ => (floor.gloss * 255.0).round() as u8,
         };
+        let contrast = floor.contrast as f32;
         let pattern = match floor.kind {
             FloorKind::Plain => {
                 let shades = shades(floor.colour, floor.second_colour, contrast * 0.5, gloss);
@@ -83,11 +86,11 @@ impl<'a> Material<'a> {
                 scatter(&mut picture, size, 0.20, floor, seed ^ 0x77);
                 Pattern::Picture(picture)
             }
-            FloorKind::Wood => pieces(wood_tile(floor.scale_m / metres_per_texel, seed)),
-            FloorKind::Tiles => pieces(grain_tile(metres_per_texel, ALONG, SIDE, seed)),
+            FloorKind::Wood => Pattern::Pieces(wood_tile(floor.scale_m / metres_per_texel, seed)),
+            FloorKind::Tiles => Pattern::Pieces(grain_tile(metres_per_texel, ALONG, SIDE, seed)),
         };
         Self {
-            floor,
+            floor: floor.clone(),
             metres_per_texel,
             gloss,
             seed,
@@ -95,13 +98,23 @@ impl<'a> Material<'a> {
         }
     }
 
+    /// The gloss of the most glossy texel.
+    pub(super) fn gloss(&self) -> u8 {
+        self.gloss
+    }
+
     /// Fills a row of the painting. `first` and `row` count texels of the endless floor.
-    pub(super) fn row(&mut self, out: &mut [Texel], first: i64, row: i64) {
-        match (self.floor.kind, &self.pattern) {
-            (FloorKind::Wood, _) => self.wood_row(out, first, row),
-            (FloorKind::Tiles, _) => self.tiles_row(out, first, row),
-            (_, Pattern::Picture(picture)) => self.picture_row(picture, out, first, row),
-            (_, Pattern::Pieces { .. }) => {}
+    pub(super) fn row(&self, colours: &mut PieceColours, out: &mut [Texel], first: i64, row: i64) {
+        match &self.pattern {
+            Pattern::Picture(picture) => self.picture_row(picture, out, first, row),
+            Pattern::Pieces(values) if self.floor.kind == FloorKind::Wood => {
+                let lay = self.planks(row);
+                self.pieces_row(values, colours, out, first, &lay, plank_shades);
+            }
+            Pattern::Pieces(values) => {
+                let lay = self.tiles(row);
+                self.pieces_row(values, colours, out, first, &lay, tile_shades);
+            }
         }
     }
 
@@ -132,7 +145,7 @@ impl<'a> Material<'a> {
         }
     }
 
-    fn wood_row(&mut self, out: &mut [Texel], first: i64, row: i64) {
+    fn planks(&self, row: i64) -> Lay {
         let plank = (self.floor.scale_m / self.metres_per_texel).max(LEAST_PIECE); // texels
         let board_row = ((row as f64 + 0.5) / plank).floor();
         // How much of this row of texels is the joint between two rows of planks (1.2 mm).
@@ -144,7 +157,7 @@ impl<'a> Material<'a> {
         let shift = f64::from(unit(hash(board_row as i32, 77, self.seed))) * long;
         let [r, g, b] = self.floor.second_colour.rgb;
         let colour = [r / 2, g / 2, b / 2, self.gloss / 4];
-        let lay = Lay {
+        Lay {
             row,
             piece_row: board_row as i64,
             length: long,
@@ -152,18 +165,17 @@ impl<'a> Material<'a> {
             joint,
             across,
             colour,
-        };
-        self.pieces_row(out, first, &lay, plank_shades);
+        }
     }
 
-    fn tiles_row(&mut self, out: &mut [Texel], first: i64, row: i64) {
-        let floor = self.floor;
+    fn tiles(&self, row: i64) -> Lay {
+        let floor = &self.floor;
         let side = (floor.scale_m / self.metres_per_texel).max(LEAST_PIECE);
         let joint = 0.004f64.min(floor.scale_m * 0.1) / self.metres_per_texel;
         let tile_row = ((row as f64 + 0.5) / side).floor();
         let within = row as f64 + 0.5 - tile_row * side;
         let [r, g, b] = floor.second_colour.rgb;
-        let lay = Lay {
+        Lay {
             row,
             piece_row: tile_row as i64,
             length: side,
@@ -171,45 +183,40 @@ impl<'a> Material<'a> {
             joint,
             across: joint_cover(within.min(side - within), joint),
             colour: [r, g, b, self.gloss / 5],
-        };
-        self.pieces_row(out, first, &lay, tile_shades);
+        }
     }
 
     /// Fills a row that runs through pieces: each with its own colours and its own part of the pattern.
     fn pieces_row(
-        &mut self,
+        &self,
+        values: &[u8],
+        known: &mut PieceColours,
         out: &mut [Texel],
         first: i64,
         lay: &Lay,
-        colours: fn(&Floor, u32, u8) -> Vec<Texel>,
+        colours: fn(&Floor, u32, u8, &mut Vec<Texel>),
     ) {
-        let (floor, gloss, seed) = (self.floor, self.gloss, self.seed);
-        let Pattern::Pieces {
-            values,
-            cache,
-            cached_row,
-        } = &mut self.pattern
-        else {
-            return;
-        };
-        if *cached_row != lay.piece_row {
-            cache.clear();
-            *cached_row = lay.piece_row;
-        }
         let end = first + out.len() as i64;
         let mut number = ((first as f64 + 0.5 - lay.shift) / lay.length).floor() as i64;
+        if known.first != Some((lay.piece_row, number)) {
+            (known.first, known.count) = (Some((lay.piece_row, number)), 0);
+        }
         let mut index = 0;
         while (number as f64 * lay.length + lay.shift) < end as f64 {
-            let key = hash(number as i32, lay.piece_row as i32, seed ^ 0x3D);
+            let key = hash(number as i32, lay.piece_row as i32, self.seed ^ 0x3D);
             let piece = Piece {
                 key,
                 from: number as f64 * lay.length + lay.shift,
                 to: (number + 1) as f64 * lay.length + lay.shift,
             };
-            if index == cache.len() {
-                cache.push(colours(floor, key, gloss));
+            if index == known.count {
+                if index == known.colours.len() {
+                    known.colours.push(Vec::new());
+                }
+                colours(&self.floor, key, self.gloss, &mut known.colours[index]);
+                known.count += 1;
             }
-            fill_piece(out, first, lay, &piece, &cache[index], values);
+            fill_piece(out, first, lay, &piece, &known.colours[index], values);
             number += 1;
             index += 1;
         }
@@ -268,7 +275,7 @@ fn fill_piece(out: &mut [Texel], first: i64, lay: &Lay, piece: &Piece, shades: &
 }
 
 /// Colours of one plank: every plank has its own lightness and grain strength.
-fn plank_shades(floor: &Floor, key: u32, gloss: u8) -> Vec<Texel> {
+fn plank_shades(floor: &Floor, key: u32, gloss: u8, out: &mut Vec<Texel>) {
     let contrast = floor.contrast as f32;
     let tone = 1.0 + (unit(key.rotate_left(7)) - 0.5) * 0.36 * contrast;
     let warmth = (unit(key.rotate_left(19)) - 0.5) * 0.08 * contrast;
@@ -282,11 +289,12 @@ fn plank_shades(floor: &Floor, key: u32, gloss: u8) -> Vec<Texel> {
         };
         [channel(0, warmth), channel(1, 0.0), channel(2, -warmth), gloss]
     };
-    (0..256).map(colour).collect()
+    out.clear();
+    out.extend((0..256).map(colour));
 }
 
 /// Colours of one floor tile: every tile is fired a little differently.
-fn tile_shades(floor: &Floor, key: u32, gloss: u8) -> Vec<Texel> {
+fn tile_shades(floor: &Floor, key: u32, gloss: u8, out: &mut Vec<Texel>) {
     let contrast = floor.contrast as f32;
     let tone = 1.0 + (unit(key.rotate_left(11)) - 0.5) * 0.10 * contrast;
     let scaled = |colour: Colour| {
@@ -295,12 +303,9 @@ fn tile_shades(floor: &Floor, key: u32, gloss: u8) -> Vec<Texel> {
             rgb: colour.rgb.map(channel),
         }
     };
-    shades(
-        scaled(floor.colour),
-        scaled(floor.second_colour),
-        contrast * 0.5,
-        gloss,
-    )
+    let (colour, second) = (scaled(floor.colour), scaled(floor.second_colour));
+    out.clear();
+    out.extend(shades(colour, second, contrast * 0.5, gloss));
 }
 
 /// A mix of two texels.
@@ -310,73 +315,56 @@ pub(super) fn blend(below: Texel, above: Texel, cover: f32) -> Texel {
 }
 
 /// Colours for values 0..=255 around the main colour (at 128), reaching `strength` of the way to the second colour.
-fn shades(colour: Colour, second: Colour, strength: f32, gloss: u8) -> Vec<Texel> {
-    (0..256)
-        .map(|value| {
-            let part = (value as f32 - 128.0) / 128.0 * strength;
-            let channel = |c: usize| {
-                let (main, other) = (f32::from(colour.rgb[c]), f32::from(second.rgb[c]));
-                (main + (other - main) * part).round().clamp(0.0, 255.0) as u8
-            };
-            [channel(0), channel(1), channel(2), gloss]
-        })
+fn shades(colour: Colour, second: Colour, strength: f32, gloss: u8) -> [Texel; 256] {
+    std::array::from_fn(|value| {
+        let part = (value as f32 - 128.0) / 128.0 * strength;
+        let channel = |c: usize| {
+            let (main, other) = (f32::from(colour.rgb[c]), f32::from(second.rgb[c]));
+            (main + (other - main) * part).round().clamp(0.0, 255.0) as u8
+        };
+        [channel(0), channel(1), channel(2), gloss]
+    })
+}
+
+/// A sum of noise of several sizes (m) and strengths that repeats after a picture of so many texels, around 0.5.
+fn layered_noise(
+    metres_per_texel: f64,
+    [columns, rows]: [usize; 2],
+    octaves: &[(f64, f32)],
+    seed: impl Fn(usize, i32) -> u32,
+) -> Vec<u8> {
+    // A whole number of cells a picture.
+    let cells = |texels: usize, size_m: f64| {
+        ((texels as f64 * metres_per_texel / size_m).round() as i32).clamp(1, texels as i32)
+    };
+    let mut sums = vec![0.5f32; columns * rows];
+    for (number, (size_m, weight)) in octaves.iter().enumerate() {
+        let (across, down) = (cells(columns, *size_m), cells(rows, *size_m));
+        // What is finer than a texel averages out.
+        let weight = weight * (size_m / metres_per_texel).min(1.0) as f32;
+        let lattice = Lattice::new(across, down, seed(number, across));
+        let (step_x, step_y) = (across as f32 / columns as f32, down as f32 / rows as f32);
+        lattice.add_picture(&mut sums, columns, step_x, step_y, weight);
+    }
+    sums.iter()
+        .map(|sum| (sum * 255.0).clamp(0.0, 255.0) as u8)
         .collect()
 }
 
 /// Fine grain: dust, pores, brush marks of a millimetre to a centimetre.
 fn grain_tile(metres_per_texel: f64, columns: usize, rows: usize, seed: u32) -> Vec<u8> {
-    // A whole number of cells a tile.
-    let cells = |texels: usize, size_m: f64| {
-        ((texels as f64 * metres_per_texel / size_m).round() as i32).clamp(1, texels as i32)
-    };
-    let octaves: Vec<(f32, f32, f32, Lattice)> = [0.0012, 0.004, 0.012]
-        .iter()
-        .zip([0.7f32, 0.4, 0.4])
-        .enumerate()
-        .map(|(k, (size_m, weight))| {
-            let (across, down) = (cells(columns, *size_m), cells(rows, *size_m));
-            // Grain finer than a texel averages out.
-            let fade = (size_m / metres_per_texel).min(1.0) as f32;
-            (
-                across as f32 / columns as f32,
-                down as f32 / rows as f32,
-                weight * fade,
-                Lattice::new(across, down, seed ^ k as u32),
-            )
-        })
-        .collect();
-    let mut tile = Vec::with_capacity(columns * rows);
-    for y in 0..rows {
-        for x in 0..columns {
-            let mut sum = 0.5;
-            for (across, down, weight, lattice) in &octaves {
-                sum += (lattice.at(x as f32 * across, y as f32 * down) - 0.5) * weight;
-            }
-            tile.push((sum * 255.0).clamp(0.0, 255.0) as u8);
-        }
-    }
-    tile
+    let octaves = [(0.0012, 0.7), (0.004, 0.4), (0.012, 0.4)];
+    layered_noise(metres_per_texel, [columns, rows], &octaves, |number, _| {
+        seed ^ number as u32
+    })
 }
 
 /// Tufts, clumps and bald places, from a hand's breadth to some metres.
 fn grass_tile(metres_per_texel: f64, seed: u32) -> Vec<u8> {
-    let octaves = [(0.15, 0.8f32), (0.5, 0.6), (2.2, 0.6), (7.0, 0.5)].map(|(size_m, weight)| {
-        let cells = ((PICTURE as f64 * metres_per_texel / size_m).round() as i32).clamp(1, PICTURE as i32);
-        let fade = (size_m / metres_per_texel).min(1.0) as f32;
-        let lattice = Lattice::new(cells, cells, seed ^ (cells as u32).wrapping_mul(0x9E37));
-        (cells as f32 / PICTURE as f32, weight * fade, lattice)
-    });
-    let mut tile = Vec::with_capacity(PICTURE * PICTURE);
-    for y in 0..PICTURE {
-        for x in 0..PICTURE {
-            let mut sum = 0.5;
-            for (scale, weight, lattice) in &octaves {
-                sum += (lattice.at(x as f32 * scale, y as f32 * scale) - 0.5) * weight;
-            }
-            tile.push((sum * 255.0).clamp(0.0, 255.0) as u8);
-        }
-    }
-    tile
+    let octaves = [(0.15, 0.8), (0.5, 0.6), (2.2, 0.6), (7.0, 0.5)];
+    layered_noise(metres_per_texel, [PICTURE, PICTURE], &octaves, |_, cells| {
+        seed ^ (cells as u32).wrapping_mul(0x9E37)
+    })
 }
 
 /// Grain of wood along x: long fibres, and broad bands of early and late wood.

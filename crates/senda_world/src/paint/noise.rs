@@ -59,6 +59,51 @@ impl Lattice {
         }
     }
 
+    /// Adds `weight` times the noise around 0.5 to a picture of rows of `columns`, whose pixel (i, j) lies at
+    /// (i·`step_x`, j·`step_y`); the picture is one period.
+    pub(super) fn add_picture(
+        &self,
+        sums: &mut [f32],
+        columns: usize,
+        step_x: f32,
+        step_y: f32,
+        weight: f32,
+    ) {
+        let next = |i: usize, period: i32| if i + 1 < period as usize { i + 1 } else { 0 };
+        let places: Vec<(usize, usize, f32)> = (0..columns)
+            .map(|column| {
+                let x = column as f32 * step_x;
+                let left = x as usize;
+                (left, next(left, self.columns), smooth(x - left as f32))
+            })
+            .collect();
+        // The lattice's rows below and above, spread over the columns.
+        let spread = |row: usize, out: &mut Vec<f32>| {
+            let values = &self.values[row * self.columns as usize..][..self.columns as usize];
+            out.clear();
+            out.extend(
+                places
+                    .iter()
+                    .map(|(left, right, part)| values[*left] + (values[*right] - values[*left]) * part),
+            );
+        };
+        let (mut low, mut high) = (Vec::with_capacity(columns), Vec::with_capacity(columns));
+        let mut ready = usize::MAX;
+        for (row, sums) in sums.chunks_exact_mut(columns).enumerate() {
+            let y = row as f32 * step_y;
+            let below = y as usize;
+            let part = smooth(y - below as f32);
+            if below != ready {
+                spread(below, &mut low);
+                spread(next(below, self.rows), &mut high);
+                ready = below;
+            }
+            for ((sum, low), high) in sums.iter_mut().zip(&low).zip(&high) {
+                *sum += (low + (high - low) * part - 0.5) * weight;
+            }
+        }
+    }
+
     /// A value in [0, 1), smooth. `x` and `y` must lie in one period or the next: 0 ..= 2 periods.
     pub(super) fn at(&self, x: f32, y: f32) -> f32 {
         let (ix, iy) = (x as i32, y as i32);

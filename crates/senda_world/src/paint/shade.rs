@@ -1,13 +1,13 @@
 //! Static light on the floor, and the floor's own large-scale unevenness, as one coarse grid of factors.
 
-use super::FloorPainting;
 use super::noise::{clouds, fold, smooth, value};
+use super::{Canvas, Place};
 use crate::floor::FloorKind;
 use crate::light::Light;
 use crate::thing::Thing;
 use crate::world::World;
-use senda_core::threads::both;
 use senda_geom::{Vec2, trig};
+use std::ops::Range;
 
 /// Grid points stand this far apart (m) unless the floor is very large.
 const GRID_M: f64 = 0.025;
@@ -18,156 +18,198 @@ const GAMMA: f64 = 2.2;
 /// Fixed-point one of a factor.
 const ONE: f32 = 65_535.0;
 
-/// The factors of a painting.
+/// What light and unevenness do to a painting: factors at the points of a grid, linear in between.
+#[derive(Debug)]
 pub(super) struct Grid {
-    columns: usize,
-    /// Spacing in texels.
+    origin: Vec2,
+    /// Spacing in texels and in metres.
     step: f64,
-    rows: usize,
-    /// Encoded factors 0..=[`ONE`]: red, green, blue, and 1 for gloss.
-    factors: Vec<[f32; 4]>,
+    spacing_m: f64,
+    /// Rows of the painting.
+    height: usize,
+    sun: Sun,
+    /// Light of the brightest grid point's brightest channel: what is shown as 1.
+    brightest: f32,
+    encode: Vec<f32>,
+    /// The floor's unevenness: strength, size (m) and seed.
+    cloud_strength: f32,
+    cloud_m: f64,
+    cloud_seed: u32,
 }
 
-/// Multiplies light and unevenness into a painting, and sets its outside colour.
-pub(super) fn light_up(grid: &Grid, painting: &mut FloorPainting) {
-    let (width, height) = (painting.width, painting.height);
-    let middle = grid.rows / 2;
-    let row = grid.first_row(middle, height);
-    let (upper, lower) = painting.texels.split_at_mut(row * width);
-    both(
-        width * height,
-        || grid.light_up(0..middle, width, height, upper),
-        || grid.light_up(middle..grid.rows - 1, width, height, lower),
-    );
-    painting.outside = border_mean(painting);
+/// Working memory for the rows of a window.
+#[derive(Debug, Default)]
+pub(super) struct Rows {
+    /// Factors at the grid's points.
+    points: Vec<[f32; 4]>,
+    /// Factors of all columns on the grid's row above and on that below: red, green, blue, and 1 for gloss.
+    low: Vec<[f32; 4]>,
+    high: Vec<[f32; 4]>,
+    factors: Vec<u16>,
+    slopes: Vec<i16>,
 }
 
 impl Grid {
-    /// For a painting of this size and place; its texels are not looked at.
-    pub(super) fn new(world: &World, painting: &FloorPainting) -> Self {
-        let texel_m = painting.metres_per_texel;
-        let (width_m, height_m) = (painting.width as f64 * texel_m, painting.height as f64 * texel_m);
+    pub(super) fn new(world: &World, place: &Place) -> Self {
+        let texel_m = place.metres_per_texel;
+        let (width_m, height_m) = (place.width as f64 * texel_m, place.height as f64 * texel_m);
         let spacing_m = GRID_M.max((width_m * height_m / GRID_POINTS).sqrt()).max(texel_m);
         let step = spacing_m / texel_m;
-        let columns = (painting.width as f64 / step).ceil() as usize + 2;
-        let rows = (painting.height as f64 / step).ceil() as usize + 2;
-        let sun = Sun::new(&world.light, painting, width_m, height_m);
-        let mut light = Vec::with_capacity(columns * rows);
-        let mut brightest = 1e-6f32;
-        for row in 0..rows {
-            for column in 0..columns {
-                let at = painting.origin + Vec2::new(column as f64, row as f64) * spacing_m;
-                let value = light_at(world, &sun, at);
-                brightest = brightest.max(value[0]).max(value[1]).max(value[2]);
-                light.push(value);
-            }
-        }
-        let encode = encoding();
-        let seed = fold(world.floor.seed, 9);
         let (cloud_strength, cloud_m) = unevenness(world);
-        let mut factors = Vec::with_capacity(light.len());
-        for row in 0..rows {
-            for column in 0..columns {
-                let at = (painting.origin + Vec2::new(column as f64, row as f64) * spacing_m) / cloud_m;
-                let cloud = 1.0 - cloud_strength * clouds(at.x, at.y, seed);
-                let value = light[row * columns + column];
-                let factor = |c: usize| {
-                    let index = (value[c] / brightest * (encode.len() - 1) as f32) as usize;
-                    encode[index.min(encode.len() - 1)] * cloud * ONE
-                };
-                factors.push([factor(0), factor(1), factor(2), ONE]);
-            }
-        }
-        Self {
-            columns,
-            rows,
+        let mut grid = Self {
+            origin: place.origin,
             step,
-            factors,
-        }
+            spacing_m,
+            height: place.height,
+            sun: Sun::new(world, place.origin, width_m, height_m),
+            brightest: 1e-6,
+            encode: encoding(),
+            cloud_strength,
+            cloud_m,
+            cloud_seed: fold(world.floor.seed, 9),
+        };
+        grid.find_brightest(place);
+        grid
     }
 
-    /// The first row of texels of a row of cells, of a painting `height` rows high.
-    fn first_row(&self, cell: usize, height: usize) -> usize {
+    /// Looks at all points, but works the shadows out only where the place would be the brightest without them.
+    fn find_brightest(&mut self, place: &Place) {
+        let columns = (place.width as f64 / self.step).ceil() as usize + 2;
+        let rows = (place.height as f64 / self.step).ceil() as usize + 2;
+        let most = |light: [f32; 3]| light[0].max(light[1]).max(light[2]);
+        let points = || (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row)));
+        let open = |(column, row)| most(self.sun.without_shadows(self.point(column, row)));
+        let lit = |(column, row)| most(self.sun.light_at(self.point(column, row)));
+        // The best without shadows first: where no shadow falls on it, no other point is worth a second look.
+        let mut best = ((0, 0), f32::NEG_INFINITY);
+        for point in points() {
+            let light = open(point);
+            if light > best.1 {
+                best = (point, light);
+            }
+        }
+        let mut brightest = self.brightest.max(lit(best.0));
+        if brightest < best.1 {
+            for point in points() {
+                if open(point) > brightest {
+                    brightest = brightest.max(lit(point));
+                }
+            }
+        }
+        self.brightest = brightest;
+    }
+
+    fn point(&self, column: usize, row: usize) -> Vec2 {
+        self.origin + Vec2::new(column as f64, row as f64) * self.spacing_m
+    }
+
+    /// Encoded factors 0..=[`ONE`] at a point.
+    fn factor(&self, column: usize, row: usize) -> [f32; 4] {
+        let point = self.point(column, row);
+        let at = point / self.cloud_m;
+        let cloud = 1.0 - self.cloud_strength * clouds(at.x, at.y, self.cloud_seed);
+        let light = self.sun.light_at(point);
+        let last = self.encode.len() - 1;
+        let factor = |c: usize| {
+            let index = (light[c] / self.brightest * last as f32) as usize;
+            self.encode[index.min(last)] * cloud * ONE
+        };
+        [factor(0), factor(1), factor(2), ONE]
+    }
+
+    /// The first row of texels of a row of cells.
+    fn first_row(&self, cell: usize) -> usize {
         if cell == 0 {
             return 0;
         }
-        ((cell as f64 * self.step - 0.5).ceil() as usize).min(height)
+        ((cell as f64 * self.step - 0.5).ceil() as usize).min(self.height)
     }
 
-    /// Lights the texels of some rows of cells.
-    fn light_up(&self, cells: std::ops::Range<usize>, width: usize, height: usize, texels: &mut [[u8; 4]]) {
-        let mut rows = texels.chunks_exact_mut(width);
-        let (mut low, mut high) = (vec![[0.0f32; 4]; width], vec![[0.0f32; 4]; width]);
-        let (mut factors, mut slopes) = (vec![0u16; width * 4], vec![0i16; width * 4]);
+    /// The row of cells that a row of texels lies in.
+    fn cell_of(&self, row: usize) -> usize {
+        let mut cell = ((row as f64 + 0.5) / self.step) as usize;
+        while self.first_row(cell) > row {
+            cell -= 1;
+        }
+        while self.first_row(cell + 1) <= row {
+            cell += 1;
+        }
+        cell
+    }
+
+    /// Multiplies light and unevenness into a window.
+    pub(super) fn light_up(&self, canvas: &mut Canvas<'_>, memory: &mut Rows) {
+        let window = canvas.window;
+        let width = window.columns.len();
+        let Rows {
+            points,
+            low,
+            high,
+            factors,
+            slopes,
+        } = memory;
+        low.resize(width, [0.0; 4]);
+        high.resize(width, [0.0; 4]);
+        factors.resize(width * 4, 0);
+        slopes.resize(width * 4, 0);
+        let mut rows = canvas.texels.chunks_exact_mut(width);
         let mut expanded = usize::MAX;
-        for cell in cells {
-            let (row, end) = (self.first_row(cell, height), self.first_row(cell + 1, height));
-            if row >= end {
-                continue;
-            }
+        let mut row = window.rows.start;
+        while row < window.rows.end {
+            let cell = self.cell_of(row);
+            let (first, end) = (
+                self.first_row(cell),
+                self.first_row(cell + 1).min(window.rows.end),
+            );
             // The row above the last cell is the row below this one, unless cells were skipped.
             if expanded == cell {
-                std::mem::swap(&mut low, &mut high);
+                std::mem::swap(low, high);
             } else {
-                expand(self, cell, &mut low);
+                self.expand(cell, &window.columns, points, low);
             }
-            expand(self, cell + 1, &mut high);
+            self.expand(cell + 1, &window.columns, points, high);
             expanded = cell + 1;
-            let part = ((row as f64 + 0.5) / self.step - cell as f64) as f32;
+            let part = ((first as f64 + 0.5) / self.step - cell as f64) as f32;
             let (lows, highs) = (low.as_flattened(), high.as_flattened());
+            let passed = (row - first) as i32;
             for k in 0..width * 4 {
                 let rise = highs[k] - lows[k];
-                factors[k] = (lows[k] + rise * part).clamp(0.0, ONE) as u16;
+                let at_first = (lows[k] + rise * part).clamp(0.0, ONE) as u16;
                 slopes[k] = (rise / self.step as f32) as i16;
+                // As many saturating additions as rows have passed.
+                let factor = i32::from(at_first) + passed * i32::from(slopes[k]);
+                factors[k] = factor.clamp(0, i32::from(u16::MAX)) as u16;
             }
             for texels in rows.by_ref().take(end - row) {
                 // 16-bit lanes on purpose: this loop becomes one multiplication for eight channels.
                 for ((byte, factor), slope) in texels
                     .as_flattened_mut()
                     .iter_mut()
-                    .zip(&mut factors)
-                    .zip(&slopes)
+                    .zip(factors.iter_mut())
+                    .zip(slopes.iter())
                 {
                     let product = (u32::from(u16::from(*byte) << 8) * u32::from(*factor)) >> 16;
                     *byte = ((product as u16).saturating_add(128) >> 8) as u8;
                     *factor = factor.saturating_add_signed(*slope);
                 }
             }
+            row = end;
         }
     }
-}
 
-/// Mean of the painting's outermost texels: what goes on beyond them.
-fn border_mean(painting: &FloorPainting) -> [u8; 4] {
-    let (width, height) = (painting.width, painting.height);
-    let rows = painting.texels[..width]
-        .iter()
-        .chain(&painting.texels[width * (height - 1)..]);
-    let columns = (0..height).flat_map(|j| {
-        [
-            &painting.texels[j * width],
-            &painting.texels[j * width + width - 1],
-        ]
-    });
-    let (mut sums, mut count) = ([0u64; 4], 0u64);
-    for texel in rows.chain(columns) {
-        for (sum, value) in sums.iter_mut().zip(texel) {
-            *sum += u64::from(*value);
+    /// One row of the grid, linear between its points, one value a column of texels.
+    fn expand(&self, row: usize, columns: &Range<usize>, points: &mut Vec<[f32; 4]>, out: &mut [[f32; 4]]) {
+        let at = |column: usize| ((column as f64 + 0.5) / self.step) as f32;
+        let first = at(columns.start) as usize;
+        points.clear();
+        points.extend((first..=at(columns.end - 1) as usize + 1).map(|column| self.factor(column, row)));
+        for (i, value) in columns.clone().zip(out) {
+            let at = at(i);
+            let column = at as usize;
+            let part = at - column as f32;
+            let (a, b) = (&points[column - first], &points[column - first + 1]);
+            *value = std::array::from_fn(|c| a[c] + (b[c] - a[c]) * part);
         }
-        count += 1;
-    }
-    sums.map(|sum| ((sum + count / 2) / count) as u8)
-}
-
-/// One row of the grid, linear between its points, one value a texel.
-fn expand(grid: &Grid, row: usize, out: &mut [[f32; 4]]) {
-    let points = &grid.factors[row * grid.columns..][..grid.columns];
-    for (i, value) in out.iter_mut().enumerate() {
-        let at = ((i as f64 + 0.5) / grid.step) as f32;
-        let column = at as usize;
-        let part = at - column as f32;
-        let (a, b) = (&points[column], &points[column + 1]);
-        *value = std::array::from_fn(|c| a[c] + (b[c] - a[c]) * part);
     }
 }
 
@@ -197,99 +239,146 @@ fn linear(channel: u8) -> f32 {
     trig::pow(f64::from(channel) / 255.0, GAMMA) as f32
 }
 
-/// What of the light is the same everywhere.
+/// The light on a floor.
+#[derive(Debug)]
 struct Sun {
+    light: Light,
     ambient: [f32; 3],
     /// Brightness falls along this direction: (position - middle)·slope.
     slope: Vec2,
     middle: Vec2,
     /// Lamp colours, linear.
     lamps: Vec<[f32; 3]>,
-    /// Where a shadow falls, per metre of height.
-    shadow: Vec2,
+    /// Shadows of upright things.
+    cast: Vec<Cast>,
+}
+
+/// The shadow of a thing: its footprint swept along the shadow's direction.
+#[derive(Debug)]
+struct Cast {
+    corners: Vec<Vec2>,
+    from: Vec2,
+    reach: Vec2,
+    /// It lies within this circle: middle, and squared radius (m²).
+    middle: Vec2,
+    around_square: f64,
 }
 
 impl Sun {
-    fn new(light: &Light, painting: &FloorPainting, width_m: f64, height_m: f64) -> Self {
+    fn new(world: &World, origin: Vec2, width_m: f64, height_m: f64) -> Self {
+        let light = &world.light;
         let (sin, cos) = trig::sincos(light.direction_rad);
         let towards = Vec2::new(cos, sin);
         let reach_m = 0.5 * (width_m * cos.abs() + height_m * sin.abs());
         let colour = |rgb: [u8; 3], strength: f64| rgb.map(|c| linear(c) * strength as f32);
+        // Where a shadow falls, per metre of height.
+        let shadow = -towards / trig::tan(light.elevation_rad.clamp(0.05, 1.56));
+        let cast = if light.thing_shadows > 0.0 {
+            world
+                .things
+                .iter()
+                .map(|thing| Cast::new(thing, shadow))
+                .collect()
+        } else {
+            Vec::new()
+        };
         Self {
             ambient: colour(light.colour.rgb, light.ambient),
             slope: towards * (0.5 * light.gradient / reach_m.max(1e-6)),
-            middle: painting.origin + Vec2::new(width_m, height_m) * 0.5,
+            middle: origin + Vec2::new(width_m, height_m) * 0.5,
             lamps: light
                 .lamps
                 .iter()
                 .map(|lamp| colour(lamp.colour.rgb, lamp.strength))
                 .collect(),
-            shadow: -towards / trig::tan(light.elevation_rad.clamp(0.05, 1.56)),
+            cast,
+            light: light.clone(),
         }
+    }
+
+    /// Linear light at a place, before scaling to the brightest place.
+    fn light_at(&self, at: Vec2) -> [f32; 3] {
+        let light = &self.light;
+        let mut shade = self.gradient(at);
+        if let Some(shadows) = light.shadows {
+            let seed = fold(shadows.seed, 31);
+            // Blobs (people, furniture) and bars (window frames) in one field.
+            let scale = 1.0 / shadows.scale_m;
+            let blob = clouds(at.x * scale * 0.8, at.y * scale * 0.8, seed);
+            let bar = value(
+                (at.x * 0.8 + at.y * 0.6) * scale * 1.3,
+                (at.y * 0.8 - at.x * 0.6) * scale * 0.25,
+                seed ^ 4,
+            );
+            let softness = 0.02 + 0.30 * shadows.softness as f32;
+            let dark = smooth((0.6 * blob + 0.4 * bar - 0.5) / softness + 0.5);
+            shade *= 1.0 - shadows.strength as f32 * dark;
+        }
+        for cast in &self.cast {
+            shade *= 1.0 - light.thing_shadows as f32 * cast.dark(at);
+        }
+        self.with_lamps(shade, at)
+    }
+
+    /// The same without any shadow: never less.
+    fn without_shadows(&self, at: Vec2) -> [f32; 3] {
+        self.with_lamps(self.gradient(at), at)
+    }
+
+    /// 1 at the bright side to 1 - gradient at the dark one.
+    fn gradient(&self, at: Vec2) -> f32 {
+        (1.0 - 0.5 * self.light.gradient + (at - self.middle).dot(self.slope)) as f32
+    }
+
+    fn with_lamps(&self, shade: f32, at: Vec2) -> [f32; 3] {
+        let mut sum = self.ambient.map(|c| c * shade);
+        for (lamp, colour) in self.light.lamps.iter().zip(&self.lamps) {
+            let away = (at - lamp.position()).length_squared();
+            let square = lamp.height_m * lamp.height_m;
+            // Lambert: cos θ / r², relative to the place right below.
+            let part = square / (square + away);
+            let pool = (part * part) as f32;
+            for c in 0..3 {
+                sum[c] += colour[c] * pool;
+            }
+        }
+        sum
     }
 }
 
-/// Linear light at a place, before scaling to the brightest place.
-fn light_at(world: &World, sun: &Sun, at: Vec2) -> [f32; 3] {
-    let light = &world.light;
-    // From 1 at the bright side to 1 - gradient at the dark one.
-    let gradient = (1.0 - 0.5 * light.gradient + (at - sun.middle).dot(sun.slope)) as f32;
-    let mut shade = gradient;
-    if let Some(shadows) = light.shadows {
-        let seed = fold(shadows.seed, 31);
-        // Blobs (people, furniture) and bars (window frames) in one field.
-        let scale = 1.0 / shadows.scale_m;
-        let blob = clouds(at.x * scale * 0.8, at.y * scale * 0.8, seed);
-        let bar = value(
-            (at.x * 0.8 + at.y * 0.6) * scale * 1.3,
-            (at.y * 0.8 - at.x * 0.6) * scale * 0.25,
-            seed ^ 4,
-        );
-        let softness = 0.02 + 0.30 * shadows.softness as f32;
-        let dark = smooth((0.6 * blob + 0.4 * bar - 0.5) / softness + 0.5);
-        shade *= 1.0 - shadows.strength as f32 * dark;
-    }
-    if light.thing_shadows > 0.0 {
-        for thing in &world.things {
-            let dark = thing_shadow(thing, sun.shadow, at);
-            shade *= 1.0 - light.thing_shadows as f32 * dark;
+impl Cast {
+    fn new(thing: &Thing, shadow: Vec2) -> Self {
+        let reach = shadow * (thing.bottom_m + thing.height_m);
+        let from = shadow * thing.bottom_m;
+        let corners = thing.footprint();
+        let size_m = corners.iter().fold(0.0f64, |size, corner| {
+            size.max((*corner - thing.pose.position()).length())
+        });
+        let around_m = size_m + (reach - from).length() * 0.5 + 0.05;
+        Self {
+            middle: thing.pose.position() + (from + reach) * 0.5,
+            around_square: around_m * around_m,
+            corners,
+            from,
+            reach,
         }
     }
-    let mut sum = sun.ambient.map(|c| c * shade);
-    for (lamp, colour) in light.lamps.iter().zip(&sun.lamps) {
-        let away = (at - lamp.position()).length_squared();
-        let square = lamp.height_m * lamp.height_m;
-        // Lambert: cos θ / r², relative to the place right below.
-        let part = square / (square + away);
-        let pool = (part * part) as f32;
-        for c in 0..3 {
-            sum[c] += colour[c] * pool;
-        }
-    }
-    sum
-}
 
-/// How deep a place lies in a thing's shadow, 0 ..= 1: its footprint swept along the shadow's direction.
-fn thing_shadow(thing: &Thing, shadow: Vec2, at: Vec2) -> f32 {
-    let reach = shadow * (thing.bottom_m + thing.height_m);
-    let from = shadow * thing.bottom_m;
-    let size_m = thing.footprint().iter().fold(0.0f64, |size, corner| {
-        size.max((*corner - thing.pose.position()).length())
-    });
-    let middle = thing.pose.position() + (from + reach) * 0.5;
-    let around_m = size_m + (reach - from).length() * 0.5 + 0.05;
-    if (at - middle).length_squared() > around_m * around_m {
-        return 0.0;
+    /// How deep a place lies in the shadow, 0 ..= 1.
+    fn dark(&self, at: Vec2) -> f32 {
+        if (at - self.middle).length_squared() > self.around_square {
+            return 0.0;
+        }
+        let (from, reach) = (self.from, self.reach);
+        let mut nearest_m = f64::INFINITY;
+        // The distance to the swept footprint, sampled along the sweep: edges are soft anyway.
+        let steps = ((reach - from).length() / 0.02).ceil().clamp(1.0, 40.0) as usize;
+        for k in 0..=steps {
+            let shift = from + (reach - from) * (k as f64 / steps as f64);
+            nearest_m = nearest_m.min(outside_distance(&self.corners, at - shift));
+        }
+        1.0 - smooth((nearest_m / 0.035) as f32)
     }
-    let corners = thing.footprint();
-    let mut nearest_m = f64::INFINITY;
-    // The distance to the swept footprint, sampled along the sweep: edges are soft anyway.
-    let steps = ((reach - from).length() / 0.02).ceil().clamp(1.0, 40.0) as usize;
-    for k in 0..=steps {
-        let shift = from + (reach - from) * (k as f64 / steps as f64);
-        nearest_m = nearest_m.min(outside_distance(&corners, at - shift));
-    }
-    1.0 - smooth((nearest_m / 0.035) as f32)
 }
 
 /// Distance from a convex, counter-clockwise polygon (0 inside); two corners are a segment.

@@ -196,3 +196,44 @@ fn a_huge_world_is_painted_coarsely() {
     let finest_m = ((high.x - low.x) * (high.y - low.y) / TEXEL_BUDGET as f64).sqrt();
     assert!(finest_m > 0.02 && finest_m < 0.05, "{finest_m}");
 }
+
+#[test]
+fn a_texel_is_the_same_in_every_window() {
+    let lake = World::named("lake").unwrap();
+    let lane = World::named("s-curves-lane").unwrap();
+    let oval = |floor: &str| World::named("oval").unwrap().with_floor(floor).unwrap();
+    for (world, texel_m) in [
+        (oval("glossy-wood").with_light("mixed").unwrap(), 0.005),
+        (oval("tiles").with_light("lamp").unwrap(), 0.005),
+        (lane, 0.007),
+        (World::named("warehouse").unwrap(), 0.01),
+        (lake, 1.0),
+    ] {
+        let whole = paint(&world, texel_m);
+        let painter = Painter::new(&world, texel_m);
+        assert_eq!(painter.size(), (whole.width, whole.height));
+        assert_eq!(painter.outside(), whole.outside);
+        let mut brush = Brush::default();
+        let mut texels = Vec::new();
+        let (wide, high) = (whole.width.div_ceil(7), 37);
+        for column in (0..whole.width).step_by(wide) {
+            for row in (0..whole.height).step_by(high) {
+                let window = Window {
+                    columns: column..whole.width.min(column + wide),
+                    rows: row..whole.height.min(row + high),
+                };
+                texels.resize(window.columns.len() * window.rows.len(), [0; 4]);
+                painter.paint(&window, &mut brush, &mut texels);
+                for (row, texels) in window.rows.zip(texels.chunks_exact(window.columns.len())) {
+                    let same = &whole.texels[row * whole.width..][window.columns.clone()];
+                    assert!(
+                        texels == same,
+                        "{}: row {row}, columns {:?}",
+                        world.name,
+                        window.columns
+                    );
+                }
+            }
+        }
+    }
+}
