@@ -367,6 +367,68 @@ fn training_without_sense_is_refused_with_words() {
     assert!(!folder.path().join("b.senda").exists());
 }
 
+#[test]
+fn a_data_set_of_one_frame_is_learned_or_refused_with_words() {
+    let folder = tempfile::tempdir().unwrap();
+    data(folder.path());
+    let plan = folder.path().join("one.toml");
+    // Of 40 frames of each of two runs.
+    std::fs::write(&plan, "full_lock_deg = 50.0\n[selection]\nskip_first = 39\n").unwrap();
+    let arguments = training(folder.path(), "a.senda");
+    let of_one = json(&with(
+        &arguments,
+        &["--plan", text(&plan), "--both-ways", "--json"],
+    ));
+    assert_eq!(of_one["training_frames"], 1, "{of_one}");
+    let (part, degrees) = (
+        of_one["on_validation"]["mean_absolute"].as_f64().unwrap(),
+        of_one["on_validation"]["mean_absolute_deg"].as_f64().unwrap(),
+    );
+    assert!((50.0 * part - degrees).abs() < 1e-9, "{of_one}");
+    std::fs::write(&plan, "[selection]\nskip_first = 40\n").unwrap();
+    senda(&with(&arguments, &["--plan", text(&plan)]))
+        .failure()
+        .stderr(contains("found none"));
+    senda(&with(&arguments, &["--full-lock-deg", "-3"]))
+        .failure()
+        .stderr(contains("full_lock_deg"));
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_training_keeps_its_best_weights_and_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    data(folder.path());
+    let (kept, model) = (folder.path().join("kept"), folder.path().join("a.senda"));
+    let mut arguments = training(folder.path(), "a.senda");
+    let epochs = 1 + arguments
+        .iter()
+        .position(|argument| argument == "--epochs")
+        .unwrap();
+    arguments[epochs] = "90000".into();
+    let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("senda"))
+        .args(with(&arguments, &["--folder", text(&kept)]))
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    while !kept.join("checkpoint").exists() {
+        assert!(
+            child.try_wait().unwrap().is_none(),
+            "the training ended by itself"
+        );
+        std::thread::yield_now();
+    }
+    let killed = std::process::Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status()
+        .unwrap();
+    assert!(killed.success());
+    assert!(child.wait().unwrap().success());
+    senda(&["model", "info", text(&model)]).success();
+    assert!(kept.join("checkpoint").exists() && !kept.join("checkpoint.partial").exists());
+}
+
 /// A limit on file sizes stands for the full disk: room for the options, none for the weights.
 #[test]
 #[cfg(unix)]

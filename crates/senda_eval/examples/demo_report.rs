@@ -282,6 +282,7 @@ fn sweep(examples: &[Summary]) -> Vec<SweepRun> {
         };
         runs.push(SweepRun {
             world: base.world.clone(),
+            line_colour: String::new(),
             command: format!(
                 "senda drive --world {} --driver {} --speed {speed} --seed {i}",
                 base.world, base.driver

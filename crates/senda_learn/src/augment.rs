@@ -1,6 +1,7 @@
 //! Changes to training frames that make a network see more than was recorded, with the change of the answer that each
 //! needs. All are options; the recordings stay as they are.
 
+use crate::treatments::{blur, glare, noise, patches};
 use rand::{Rng, RngExt};
 use senda_drivers::Answer;
 use serde::{Deserialize, Serialize};
@@ -19,6 +20,14 @@ pub struct Augmentation {
     pub colour: f64,
     /// Part of the frames over which a shadow with a straight edge falls.
     pub shadow: f64,
+    /// Part of the frames over which soft bright spots fall, as lamps are mirrored in a floor.
+    pub glare: f64,
+    /// Part of the frames that rectangles of any colour cover a little, as things stand about.
+    pub patches: f64,
+    /// Part of the frames that are blurred a little.
+    pub blur: f64,
+    /// Standard deviation of noise in every pixel (grey levels).
+    pub noise: f64,
     /// Largest sideways shift (part of the width); the answer changes by [`Augmentation::steering_per_shift`].
     pub shift: f64,
     /// Change of the steering output for a shift by the whole width. A road seen further left needs steering to the left.
@@ -34,6 +43,10 @@ impl Default for Augmentation {
             contrast: 0.25,
             colour: 0.12,
             shadow: 0.15,
+            glare: 0.0,
+            patches: 0.0,
+            blur: 0.0,
+            noise: 0.0,
             shift: 0.0,
             steering_per_shift: 0.0,
         }
@@ -48,6 +61,10 @@ impl Augmentation {
         contrast: 0.0,
         colour: 0.0,
         shadow: 0.0,
+        glare: 0.0,
+        patches: 0.0,
+        blur: 0.0,
+        noise: 0.0,
         shift: 0.0,
         steering_per_shift: 0.0,
     };
@@ -66,6 +83,10 @@ impl Augmentation {
             ("contrast", self.contrast, 0.9, "0 to 0.9"),
             ("colour", self.colour, 0.9, "0 to 0.9"),
             ("shadow", self.shadow, 1.0, "0 to 1"),
+            ("glare", self.glare, 1.0, "0 to 1"),
+            ("patches", self.patches, 1.0, "0 to 1"),
+            ("blur", self.blur, 1.0, "0 to 1"),
+            ("noise", self.noise, 100.0, "0 to 100"),
             ("shift", self.shift, 0.3, "0 to 0.3"),
             (
                 "steering_per_shift",
@@ -97,13 +118,13 @@ impl Answers {
 }
 
 /// Changes a frame (`channels` planes of `height` rows of `width` bytes) and its targets in place. `scratch` is reused.
-pub fn augment(
+pub fn augment<R: Rng>(
     options: &Augmentation,
     [channels, height, width]: [usize; 3],
     pixels: &mut [u8],
     targets: &mut [f32],
     answers: &Answers,
-    rng: &mut impl Rng,
+    rng: &mut R,
 ) {
     if rng.random_bool(options.mirror) {
         mirror(width, pixels);
@@ -147,8 +168,21 @@ pub fn augment(
             *byte = table[usize::from(*byte)];
         }
     }
+    let shape = [channels, height, width];
     if rng.random_bool(options.shadow) {
-        shadow([channels, height, width], pixels, rng);
+        shadow(shape, pixels, rng);
+    }
+    // Nothing is drawn for what is switched off: older experiments keep their frames.
+    let mut falls = |part: f64, treatment: fn([usize; 3], &mut [u8], &mut R)| {
+        if part > 0.0 && rng.random_bool(part) {
+            treatment(shape, pixels, rng);
+        }
+    };
+    falls(options.glare, glare);
+    falls(options.patches, patches);
+    falls(options.blur, blur);
+    if options.noise > 0.0 {
+        noise(options.noise, pixels, rng);
     }
 }
 
@@ -287,6 +321,10 @@ mod tests {
         let all = Augmentation {
             shift: 0.2,
             shadow: 0.5,
+            glare: 0.5,
+            patches: 0.5,
+            blur: 0.5,
+            noise: 4.0,
             ..Augmentation::default()
         };
         for seed in 0..40 {

@@ -36,6 +36,9 @@ pub struct Gathering {
     pub start_offset: f64,
     /// Starting headings to either side of the path (rad).
     pub start_heading_rad: f64,
+    /// How far beside the path drives keep, at most, as a part of the corridor's half width: each one has its own place,
+    /// as people have theirs. 0: all drive in the middle.
+    pub beside: f64,
     /// The first frames of a drive are not learned: exposure settles (A6 in SPEC).
     pub skip_frames: usize,
     /// How far each drive's cameras are from the vehicle's own, so that a network does not depend on one mounting. A model
@@ -95,6 +98,7 @@ impl Default for Gathering {
             }),
             start_offset: 0.6,
             start_heading_rad: 0.35,
+            beside: 0.0,
             skip_frames: 4,
             cameras: CameraSpread::default(),
         }
@@ -143,6 +147,12 @@ impl Gathering {
                 "gathering.start_heading_rad",
                 "0 to 1.57",
                 self.start_heading_rad.to_string(),
+            ),
+            (
+                (0.0..=1.0).contains(&self.beside),
+                "gathering.beside",
+                "0 to 1",
+                self.beside.to_string(),
             ),
             (
                 (0.0..=0.9).contains(&self.cameras.height),
@@ -287,6 +297,7 @@ fn one(brief: &Brief, spec: &VehicleSpec, model: Option<&Model>, number: u64) ->
     let speed_mps = 0.5 * (slow + fast) + 0.5 * spread(1.0) * (fast - slow);
     let mut spec = spec.clone();
     gathering.cameras.apply(&mut spec, || spread(1.0));
+    let beside_m = spread(gathering.beside) * world.corridor_half_width_m;
     let path = world.path.clone();
     let half_width_m = world.corridor_half_width_m;
     let mut simulator = Simulator::new(
@@ -301,7 +312,10 @@ fn one(brief: &Brief, spec: &VehicleSpec, model: Option<&Model>, number: u64) ->
         },
     )?;
     let body: Body = simulator.body().clone();
-    let mut options = ExpertOptions::default();
+    let mut options = ExpertOptions {
+        offset_m: beside_m,
+        ..ExpertOptions::default()
+    };
     options.set_speed(Some(speed_mps));
     let mut expert = ExpertDriver::new(&body, path.clone(), options)?;
     let mut network = match model {

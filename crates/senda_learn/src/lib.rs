@@ -35,6 +35,7 @@ mod samples;
 pub mod split;
 mod store;
 pub mod train;
+mod treatments;
 
 pub use augment::{Answers, Augmentation};
 pub use error::LearnError;

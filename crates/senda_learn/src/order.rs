@@ -9,7 +9,8 @@ use std::ops::Range;
 pub(crate) struct Place {
     /// Which frame.
     pub(crate) frame: usize,
-    /// Frames with the same number are changed in the same way: the first frame of the piece.
+    /// Frames with the same number are changed in the same way: the first frame of the piece. Where every frame is shown
+    /// both ways, numbers from the number of frames on are the mirrored ones.
     pub(crate) draw: usize,
 }
 
@@ -33,9 +34,10 @@ impl Portion {
     }
 }
 
-/// Single frames in any order, each without memory.
-pub(crate) fn shuffled(count: usize, batch: usize, rng: &mut impl Rng) -> Vec<Portion> {
-    let mut order: Vec<usize> = (0..count).collect();
+/// Single frames in any order, each without memory; each twice where they are shown both ways.
+pub(crate) fn shuffled(count: usize, both_ways: bool, batch: usize, rng: &mut impl Rng) -> Vec<Portion> {
+    let times = if both_ways { 2 } else { 1 };
+    let mut order: Vec<usize> = (0..times * count).collect();
     order.shuffle(rng);
     order
         .chunks(batch)
@@ -44,10 +46,10 @@ pub(crate) fn shuffled(count: usize, batch: usize, rng: &mut impl Rng) -> Vec<Po
             streams: frames.len(),
             places: frames
                 .iter()
-                .map(|frame| {
+                .map(|draw| {
                     Some(Place {
-                        frame: *frame,
-                        draw: *frame,
+                        frame: draw % count,
+                        draw: *draw,
                     })
                 })
                 .collect(),
@@ -62,11 +64,19 @@ const SHORTEST_CUT: usize = 4;
 const PIECES_PER_STREAM: usize = 4;
 
 /// Frames in order of time: `batch` streams side by side, each taking piece after piece of the runs, `sequence` frames a step.
-/// A piece never goes on across the end of a run or a gap. Long runs are cut into pieces, at other places every time.
-pub(crate) fn in_order(samples: &Samples, sequence: usize, batch: usize, rng: &mut impl Rng) -> Vec<Portion> {
+/// A piece never goes on across the end of a run or a gap. Long runs are cut into pieces, at other places every time. Every piece
+/// comes twice where frames are shown both ways.
+pub(crate) fn in_order(
+    samples: &Samples,
+    both_ways: bool,
+    sequence: usize,
+    batch: usize,
+    rng: &mut impl Rng,
+) -> Vec<Portion> {
     let share = samples.len().div_ceil(batch * PIECES_PER_STREAM);
     let longest = share.max(SHORTEST_CUT * sequence).next_multiple_of(sequence);
-    let mut pieces: Vec<Range<usize>> = Vec::new();
+    // With what is added to the number of the first frame: pieces that are mirrored are changed differently.
+    let mut pieces: Vec<(Range<usize>, usize)> = Vec::new();
     for stretch in samples.stretches() {
         let mut start = stretch.start;
         let mut len = match stretch.len() > longest {
@@ -75,7 +85,10 @@ pub(crate) fn in_order(samples: &Samples, sequence: usize, batch: usize, rng: &m
         };
         while start < stretch.end {
             let end = (start + len).min(stretch.end);
-            pieces.push(start..end);
+            pieces.push((start..end, 0));
+            if both_ways {
+                pieces.push((start..end, samples.len()));
+            }
             start = end;
             len = longest;
         }
@@ -90,10 +103,10 @@ pub(crate) fn in_order(samples: &Samples, sequence: usize, batch: usize, rng: &m
         let mut begins = Vec::new();
         for (number, stream) in streams.iter_mut().enumerate() {
             if stream.0.is_empty()
-                && let Some(piece) = waiting.next()
+                && let Some((piece, added)) = waiting.next()
             {
                 begins.push(number);
-                *stream = (piece.clone(), piece.start);
+                *stream = (piece.clone(), piece.start + added);
             }
         }
         let moments = streams.iter().map(|(left, _)| left.len().min(sequence)).max();
@@ -142,7 +155,7 @@ mod tests {
         #[test]
         fn every_frame_comes_once_and_no_stream_goes_on_across_a_run_or_a_gap(
             lengths in prop::collection::vec(1usize..90, 0..8),
-            has_gaps: bool, sequence in 2usize..9, batch in 1usize..6, seed: u64,
+            has_gaps: bool, both_ways: bool, sequence in 2usize..9, batch in 1usize..6, seed: u64,
         ) {
             let mut samples = samples(&lengths);
             if !has_gaps {
@@ -154,7 +167,7 @@ mod tests {
             };
             let mut seen = vec![0; samples.len()];
             let mut last: Vec<Option<Place>> = vec![None; batch];
-            for portion in in_order(&samples, sequence, batch, &mut ChaCha8Rng::seed_from_u64(seed)) {
+            for portion in in_order(&samples, both_ways, sequence, batch, &mut ChaCha8Rng::seed_from_u64(seed)) {
                 prop_assert!(portion.moments <= sequence && portion.streams <= batch && portion.len() > 0);
                 prop_assert_eq!(portion.places.len(), portion.moments * portion.streams);
                 for begun in &portion.begins {
@@ -169,14 +182,14 @@ mod tests {
                                 follows(before.frame, place.frame) && before.draw == place.draw
                             ),
                             None => prop_assert!(
-                                portion.begins.contains(&stream) && place.draw == place.frame
+                                portion.begins.contains(&stream) && place.draw % samples.len() == place.frame
                             ),
                         }
                         last[stream] = Some(*place);
                     }
                 }
             }
-            prop_assert!(seen.iter().all(|count| *count == 1));
+            prop_assert!(seen.iter().all(|count| *count == 1 + usize::from(both_ways)));
         }
     }
 
@@ -184,7 +197,7 @@ mod tests {
     fn one_long_run_fills_all_streams_and_is_cut_elsewhere_the_next_time() {
         let mut samples = samples(&[4000]);
         samples.breaks.clear();
-        let portions = |seed| in_order(&samples, 16, 8, &mut ChaCha8Rng::seed_from_u64(seed));
+        let portions = |seed| in_order(&samples, false, 16, 8, &mut ChaCha8Rng::seed_from_u64(seed));
         let steps = portions(1);
         assert_eq!((steps[0].streams, steps[0].begins.len()), (8, 8));
         let full = steps.iter().filter(|step| step.len() == 8 * 16).count();
@@ -198,5 +211,20 @@ mod tests {
             cuts
         };
         assert_ne!(cuts(1), cuts(2));
+    }
+
+    #[test]
+    fn both_ways_shows_every_frame_as_it_is_and_mirrored() {
+        let mut draws: Vec<usize> = shuffled(10, true, 4, &mut ChaCha8Rng::seed_from_u64(1))
+            .iter()
+            .flat_map(|portion| portion.places.clone())
+            .map(|place| {
+                let place = place.expect("single frames fill their places");
+                assert_eq!(place.frame, place.draw % 10);
+                place.draw
+            })
+            .collect();
+        draws.sort_unstable();
+        assert_eq!(draws, (0..20).collect::<Vec<_>>());
     }
 }

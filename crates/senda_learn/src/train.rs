@@ -37,6 +37,9 @@ pub struct Training {
     /// How far rare answers are raised against frequent ones, 0 to 1: each of 21 equal ranges of the answer that turns (else of
     /// the first one) counts as 1 / (its frames)^this. 0: as often as they occur; 1: every range as much as any other.
     pub balance: f64,
+    /// Every epoch shows every frame twice, as it is and mirrored with the turn negated (A9 in SPEC); an epoch has twice as
+    /// many steps then. `augmentation.mirror` draws nothing.
+    pub both_ways: bool,
     /// Changes to training frames.
     pub augmentation: Augmentation,
     /// Seed of the order, the changes and of dropout.
@@ -57,6 +60,7 @@ impl Default for Training {
             patience: 0,
             curve_weight: 0.0,
             balance: 0.0,
+            both_ways: false,
             augmentation: Augmentation::default(),
             seed: 1,
             threads: 0,
@@ -160,6 +164,17 @@ pub struct Errors {
     pub correlation: f64,
     /// Number of samples.
     pub count: usize,
+}
+
+impl Errors {
+    /// Mean squared and mean absolute error in degrees (°², °), where an output of 1 is called so many degrees: 50 of document A's
+    /// servo (A2 in SPEC), or the wheels' own angle at full lock.
+    pub fn in_degrees(&self, full_lock_deg: f64) -> [f64; 2] {
+        [
+            self.mean_squared * full_lock_deg * full_lock_deg,
+            self.mean_absolute * full_lock_deg,
+        ]
+    }
 }
 
 /// A trained network's weights and how it went.
@@ -266,9 +281,15 @@ pub fn train(
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
         rng.set_stream(u64::from(number));
         let portions = if is_ordered {
-            order::in_order(training, options.sequence, options.batch, &mut rng)
+            order::in_order(
+                training,
+                options.both_ways,
+                options.sequence,
+                options.batch,
+                &mut rng,
+            )
         } else {
-            order::shuffled(training.len(), options.batch, &mut rng)
+            order::shuffled(training.len(), options.both_ways, options.batch, &mut rng)
         };
         let steps_per_epoch = portions.len() as u64;
         let of = steps_per_epoch * u64::from(options.epochs);
@@ -394,7 +415,16 @@ impl<'a> Assembler<'a> {
             options,
             samples,
             shape: [input.channels(), input.height, input.width],
-            balance: Balance::new(samples, answers, options.balance, options.augmentation.mirror),
+            balance: Balance::new(
+                samples,
+                answers,
+                options.balance,
+                if options.both_ways {
+                    0.5
+                } else {
+                    options.augmentation.mirror
+                },
+            ),
             frame: vec![0; samples.frame_len],
             inputs: Vec::new(),
             targets: Vec::new(),
@@ -423,8 +453,12 @@ impl<'a> Assembler<'a> {
             rng.set_stream((u64::from(epoch) << 40) | at.draw as u64);
             self.frame.copy_from_slice(self.samples.frame(at.frame));
             self.targets.extend_from_slice(self.samples.target(at.frame));
+            let mut changes = self.options.augmentation;
+            if self.options.both_ways {
+                changes.mirror = f64::from(u8::from(at.draw >= self.samples.len()));
+            }
             augment(
-                &self.options.augmentation,
+                &changes,
                 self.shape,
                 &mut self.frame,
                 &mut self.targets[from..],
@@ -443,6 +477,23 @@ impl<'a> Assembler<'a> {
             );
         }
     }
+}
+
+/// Errors of finished weights on samples as they were recorded: no treatment, no dropout.
+pub fn judge(lesson: &Lesson, weights: &Weights, samples: &Samples) -> Result<Errors, LearnError> {
+    let options = TrainOptions {
+        threads: match lesson.options.threads {
+            0 => rayon::current_num_threads(),
+            threads => threads,
+        },
+        ..TrainOptions::default()
+    };
+    let mut trainer = Trainer::new(lesson.network.clone(), weights.clone(), options)?;
+    Ok(if lesson.options.is_ordered(lesson.network) {
+        errors_in_order(&mut trainer, lesson.input, samples)
+    } else {
+        errors(&mut trainer, lesson.input, samples, lesson.options.batch)
+    })
 }
 
 /// Answers for all samples, in order, each without memory of the ones before.

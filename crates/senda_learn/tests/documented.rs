@@ -40,6 +40,7 @@ fn every_key_is_on_its_page() {
         "validation_share",
         "split_gap",
         "vehicle",
+        "full_lock_deg",
         "selection",
     ] {
         all.insert(key.to_owned());

@@ -4,7 +4,7 @@ use crate::RunError;
 use senda_world::{Colour, Difficulty, Kind, World};
 
 /// The families of random worlds, with what each is for.
-pub const FAMILIES: [(&str, &str); 9] = [
+pub const FAMILIES: [(&str, &str); 10] = [
     (
         "random-line",
         "one black or white line on a floor as in document C: plain or speckled, matt or glossy",
@@ -28,6 +28,10 @@ pub const FAMILIES: [(&str, &str); 9] = [
     (
         "random-track",
         "a race track for model cars: wide, often with a dashed line in its middle, things around it",
+    ),
+    (
+        "random-race",
+        "such a track as clubs lay it in halls: bright edges, a bright dashed line between them",
     ),
     (
         "random-warehouse",
@@ -106,6 +110,7 @@ pub fn difficulty(family: &str) -> Option<Difficulty> {
         "random-lane-any" => any_lane,
         "random-circuit" => Difficulty::lane(),
         "random-track" => Difficulty::track(),
+        "random-race" => Difficulty::race(),
         _ => return None,
     })
 }

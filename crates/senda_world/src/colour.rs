@@ -52,6 +52,19 @@ impl Colour {
         Some(Self::new((value >> 16) as u8, (value >> 8) as u8, value as u8))
     }
 
+    /// The name of the known colour that is nearest in red, green and blue: for tables that people read.
+    pub fn nearest_name(self) -> &'static str {
+        let distance = |rgb: [u8; 3]| -> u32 {
+            (0..3)
+                .map(|c| u32::from(self.rgb[c].abs_diff(rgb[c])).pow(2))
+                .sum()
+        };
+        NAMES
+            .iter()
+            .min_by_key(|(_, rgb)| distance(*rgb))
+            .map_or("", |(name, _)| name)
+    }
+
     /// Luminance 0..=255 of the encoded channels (weights 0.299, 0.587, 0.114; C3 in SPEC).
     pub fn luminance(self) -> f64 {
         let [r, g, b] = self.rgb.map(f64::from);

@@ -256,8 +256,15 @@ fn sweep_run(line: &Line) -> SweepRun {
         .next()
         .unwrap_or_default()
         .to_owned();
+    // On a road in open land the lowest marking is earth, not a line.
+    let line_colour = senda_run::scenario::find_world(&line.scenario.world)
+        .ok()
+        .filter(|world| world.backdrop.hills.is_none())
+        .and_then(|world| Some(world.markings.first()?.colour.nearest_name().to_owned()))
+        .unwrap_or_default();
     SweepRun {
         world,
+        line_colour,
         summary: line.summary.clone(),
         error: line.error.clone().unwrap_or_default(),
         latency_s: line.scenario.latency_s,

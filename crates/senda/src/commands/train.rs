@@ -6,11 +6,11 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use senda_drivers::Answer;
 use senda_learn::{
-    Answers, Split,
+    Answers, Samples, Split,
     gather::{self, Data, Selection},
     learn::network_for,
     split::split,
-    train::{self, Lesson, News, Training},
+    train::{self, Errors, Lesson, News, Training},
 };
 use senda_nets::{Colour, Crop, InputSpec, Model, Provenance, Weights};
 use serde::{Deserialize, Serialize};
@@ -30,6 +30,8 @@ pub(crate) struct Experiment {
     colour: Option<Colour>,
     crop: Crop,
     pub(crate) answers: Vec<Answer>,
+    /// What full lock is called in degrees: errors are told in degrees too.
+    full_lock_deg: Option<f64>,
     pub(crate) selection: Selection,
     pub(crate) training: Training,
 }
@@ -56,6 +58,7 @@ impl Default for Experiment {
             colour: None,
             crop: Crop::default(),
             answers: vec![Answer::Steering],
+            full_lock_deg: None,
             selection: Selection::default(),
             training: Training::default(),
         }
@@ -114,9 +117,15 @@ pub(crate) struct Arguments {
     /// How far rare curves are raised against frequent straights: 0 not at all, 1 until every range counts the same
     #[arg(long, value_name = "PART")]
     balance: Option<f64>,
+    /// Show every frame as it is and mirrored in every epoch
+    #[arg(long)]
+    both_ways: bool,
     /// Stop when validation has not improved for this many epochs
     #[arg(long, value_name = "N")]
     patience: Option<u32>,
+    /// What full lock is called in degrees, to tell errors in degrees too (document A's servo: 50)
+    #[arg(long, value_name = "DEG")]
+    full_lock_deg: Option<f64>,
     /// Seed
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
@@ -173,12 +182,19 @@ impl Arguments {
         experiment.split_gap = self.split_gap.unwrap_or(experiment.split_gap);
         experiment.crop.top = self.crop_top.unwrap_or(experiment.crop.top);
         experiment.crop.bottom = self.crop_bottom.unwrap_or(experiment.crop.bottom);
+        experiment.full_lock_deg = self.full_lock_deg.or(experiment.full_lock_deg);
+        if let Some(degrees) = experiment.full_lock_deg
+            && !(degrees > 0.0 && degrees <= 360.0)
+        {
+            bail!("full_lock_deg: expected more than 0 and at most 360 degrees, but found {degrees}");
+        }
         let training = &mut experiment.training;
         training.epochs = self.epochs.unwrap_or(training.epochs);
         training.batch = self.batch.unwrap_or(training.batch);
         training.sequence = self.sequence.unwrap_or(training.sequence);
         training.learning_rate = self.learning_rate.unwrap_or(training.learning_rate);
         training.balance = self.balance.unwrap_or(training.balance);
+        training.both_ways |= self.both_ways;
         training.patience = self.patience.unwrap_or(training.patience);
         training.seed = self.seed.unwrap_or(training.seed);
         training.threads = self.jobs.unwrap_or(training.threads);
@@ -275,16 +291,17 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         None => None,
     };
     bar.set_message("training");
+    let lesson = Lesson {
+        network: &network,
+        input: &input,
+        answers: &answers,
+        training: &training,
+        validation: &validation,
+        options: &experiment.training,
+        checkpoint: checkpoint.as_deref(),
+    };
     let trained = train::train(
-        &Lesson {
-            network: &network,
-            input: &input,
-            answers: &answers,
-            training: &training,
-            validation: &validation,
-            options: &experiment.training,
-            checkpoint: checkpoint.as_deref(),
-        },
+        &lesson,
         weights,
         &mut terminal::ears(&bar),
         &mut |news| match news {
@@ -312,6 +329,17 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     if trained.interrupted && trained.history.is_empty() {
         bail!("interrupted before the first epoch was over: no model is written");
     }
+    let judge = |samples: &Samples| -> Result<Option<Judged>> {
+        if samples.is_empty() {
+            return Ok(None);
+        }
+        let errors = train::judge(&lesson, &trained.weights, samples)?;
+        let degrees = experiment
+            .full_lock_deg
+            .map(|full_lock_deg| errors.in_degrees(full_lock_deg));
+        Ok(Some(Judged { errors, degrees }))
+    };
+    let (on_training, on_validation) = (judge(&training)?, judge(&validation)?);
     let best = trained
         .history
         .iter()
@@ -377,6 +405,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             "training_frames": training.len(),
             "validation_frames": validation.len(),
             "best_epoch": trained.best_epoch,
+            "on_training": on_training.map(|judged| judged.json()),
+            "on_validation": on_validation.map(|judged| judged.json()),
             "history": trained.history,
             "interrupted": trained.interrupted,
             "wall_s": wall_s,
@@ -391,5 +421,44 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         training.len(),
         validation.len()
     );
+    for (name, judged) in [("training", on_training), ("validation", on_validation)] {
+        if let Some(judged) = judged {
+            println!("{name} frames, untreated: {judged}");
+        }
+    }
     Ok(())
+}
+
+/// Errors of the weights that were kept.
+#[derive(Clone, Copy)]
+struct Judged {
+    errors: Errors,
+    /// Mean squared (°²) and mean absolute (°), where somebody said what full lock is.
+    degrees: Option<[f64; 2]>,
+}
+
+impl Judged {
+    fn json(self) -> serde_json::Value {
+        let mut value = serde_json::json!(self.errors);
+        if let (Some([squared, absolute]), Some(table)) = (self.degrees, value.as_object_mut()) {
+            table.insert("mean_squared_deg2".into(), squared.into());
+            table.insert("mean_absolute_deg".into(), absolute.into());
+        }
+        value
+    }
+}
+
+impl std::fmt::Display for Judged {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let errors = self.errors;
+        write!(
+            f,
+            "MSE {:.5}, mean error {:.4} (constant: {:.4}), correlation {:.3}",
+            errors.mean_squared, errors.mean_absolute, errors.of_constant_median, errors.correlation
+        )?;
+        match self.degrees {
+            Some([squared, absolute]) => write!(f, "; {squared:.1} deg², {absolute:.1}°"),
+            None => Ok(()),
+        }
+    }
 }

@@ -11,6 +11,8 @@ use serde::{Deserialize, Serialize};
 pub struct SweepRun {
     /// Under which name its world is counted: the world's, or a common one for random worlds.
     pub world: String,
+    /// What colour the line or the lane's left edge has, in words.
+    pub line_colour: String,
     /// What came out; `None` if the run could not be made.
     pub summary: Option<Summary>,
     /// Why it could not be made.
@@ -38,7 +40,7 @@ impl SweepRun {
 /// Rates and means of the runs that share a property.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SweepRow {
-    /// The property: `all`, `world`, `driver`, `vehicle`, `floor`, `light`, `speed`, `latency`, `direction`.
+    /// The property: `all`, `world`, `driver`, `vehicle`, `floor`, `light`, `line`, `speed`, `latency`, `direction`.
     pub by: String,
     /// Its value.
     pub value: String,
@@ -70,12 +72,13 @@ const RESAMPLES: usize = 1000;
 type Property = fn(&SweepRun, &Summary) -> String;
 
 /// How runs are told apart.
-const PROPERTIES: [(&str, Property); 8] = [
+const PROPERTIES: [(&str, Property); 9] = [
     ("driver", |_, s| s.driver.clone()),
     ("vehicle", |_, s| s.vehicle.clone()),
     ("world", |run, _| run.world.clone()),
     ("floor", |_, s| s.floor.clone()),
     ("light", |_, s| s.light.clone()),
+    ("line", |run, _| run.line_colour.clone()),
     ("speed", |_, s| {
         s.speed_mps.map_or_else(|| "the driver's own".into(), text::speed)
     }),

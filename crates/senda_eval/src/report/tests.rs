@@ -225,6 +225,7 @@ fn hostile_names_stay_text_everywhere() {
     let sweep = [
         SweepRun {
             world: HOSTILE.into(),
+            line_colour: HOSTILE.into(),
             summary: Some(summary.clone()),
             error: String::new(),
             command: HOSTILE.into(),
@@ -232,6 +233,7 @@ fn hostile_names_stay_text_everywhere() {
         },
         SweepRun {
             world: HOSTILE.into(),
+            line_colour: HOSTILE.into(),
             summary: None,
             error: HOSTILE.into(),
             command: HOSTILE.into(),
@@ -336,6 +338,7 @@ fn a_sweep_counts_by_property_and_tells_how_to_repeat_failures() {
     let runs: Vec<SweepRun> = (0..40)
         .map(|i| SweepRun {
             world: "test".into(),
+            line_colour: if i % 5 == 0 { "pink" } else { "white" }.into(),
             summary: Some(Summary {
                 seed: i,
                 floor: if i % 2 == 0 {
@@ -365,6 +368,13 @@ fn a_sweep_counts_by_property_and_tells_how_to_repeat_failures() {
         .map(|row| row.value.as_str())
         .collect();
     assert_eq!(by_latency, ["0 ms", "100 ms"]);
+    let by_line: Vec<(&str, u64)> = table
+        .rows
+        .iter()
+        .filter(|row| row.by == "line")
+        .map(|row| (row.value.as_str(), row.completed.count))
+        .collect();
+    assert_eq!(by_line, [("pink", 8), ("white", 32)]);
     let row = |by: &str, value: &str| {
         table
             .rows

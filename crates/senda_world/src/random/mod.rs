@@ -48,6 +48,10 @@ pub struct Difficulty {
     pub dashes: f64,
     /// Probability that a lane has a dashed line in its middle too, of another colour where one fits.
     pub centre: f64,
+    /// Colours of that line to choose from; empty: any of `colours` that the others do not have.
+    pub centre_colours: Vec<Colour>,
+    /// Length of its dashes with their gaps, as parts of the lane's width.
+    pub centre_period: [f64; 2],
     /// Most wear of the paint, 0..=1.
     pub wear: f64,
     /// Most stain of the paint, 0..=1.
@@ -110,6 +114,8 @@ impl Default for Difficulty {
             tone: Tone::Any,
             dashes: 0.0,
             centre: 0.0,
+            centre_colours: Vec::new(),
+            centre_period: [0.15, 0.5],
             wear: 0.15,
             stain: 0.15,
             shadows: 0.2,
@@ -145,6 +151,40 @@ impl Difficulty {
             lamps: 0.6,
             things: 24,
             ..Self::lane()
+        }
+    }
+}
+
+impl Difficulty {
+    /// A track as clubs of model cars lay it in halls: bright edges, between them a dashed line of a bright colour, floors of
+    /// concrete, carpet or polished stone.
+    pub fn race() -> Self {
+        let named = |names: &[&str]| names.iter().filter_map(|name| Colour::parse(name)).collect();
+        Self {
+            min_radius_m: 0.6,
+            lane_width_m: [0.8, 2.0],
+            line_width_m: [0.035, 0.08],
+            floors: [
+                "plain",
+                "dark",
+                "speckled",
+                "dark-speckled",
+                "carpet",
+                "tiles",
+                "wood",
+                "glossy",
+                "glossy-dark",
+                "glossy-speckled",
+                "glossy-dark-speckled",
+            ]
+            .map(str::to_owned)
+            .to_vec(),
+            colours: named(&["white", "white", "white", "yellow", "orange"]),
+            tone: Tone::Light,
+            centre: 0.9,
+            centre_colours: named(&["yellow", "yellow", "orange", "white"]),
+            centre_period: [0.12, 0.4],
+            ..Self::track()
         }
     }
 }

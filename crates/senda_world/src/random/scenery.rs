@@ -116,14 +116,27 @@ pub(super) fn choose_markings(
         .collect();
     // Without a roll where there is no choice: other families keep their worlds.
     if difficulty.centre > 0.0 && dice.chance(difficulty.centre) {
-        let others: Vec<Colour> = fitting.iter().copied().filter(|other| *other != colour).collect();
+        let wanted = if difficulty.centre_colours.is_empty() {
+            &difficulty.colours
+        } else {
+            &difficulty.centre_colours
+        };
+        let others: Vec<Colour> = wanted
+            .iter()
+            .copied()
+            .filter(|other| fits(other) && *other != colour)
+            .collect();
         markings.push(Marking {
             colour: if others.is_empty() {
                 colour
             } else {
                 others[dice.below(others.len())]
             },
-            dash: Some(choose_dash(dice, path, [0.15 * lane_width_m, 0.5 * lane_width_m])),
+            dash: Some(choose_dash(
+                dice,
+                path,
+                difficulty.centre_period.map(|part| part * lane_width_m),
+            )),
             ..marking
         });
     }
