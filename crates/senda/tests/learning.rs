@@ -372,8 +372,8 @@ fn a_data_set_of_one_frame_is_learned_or_refused_with_words() {
     let folder = tempfile::tempdir().unwrap();
     data(folder.path());
     let plan = folder.path().join("one.toml");
-    // Of 40 frames of each of two runs.
-    std::fs::write(&plan, "full_lock_deg = 50.0\n[selection]\nskip_first = 39\n").unwrap();
+    // Of 42 frames of each of two runs.
+    std::fs::write(&plan, "full_lock_deg = 50.0\n[selection]\nskip_first = 41\n").unwrap();
     let arguments = training(folder.path(), "a.senda");
     let of_one = json(&with(
         &arguments,
@@ -385,11 +385,11 @@ fn a_data_set_of_one_frame_is_learned_or_refused_with_words() {
         of_one["on_validation"]["mean_absolute_deg"].as_f64().unwrap(),
     );
     assert!((50.0 * part - degrees).abs() < 1e-9, "{of_one}");
-    std::fs::write(&plan, "[selection]\nskip_first = 40\n").unwrap();
+    std::fs::write(&plan, "[selection]\nskip_first = 42\n").unwrap();
     senda(&with(&arguments, &["--plan", text(&plan)]))
         .failure()
         .stderr(contains("found none"));
-    senda(&with(&arguments, &["--full-lock-deg", "-3"]))
+    senda(&with(&arguments, &["--full-lock-deg=-3"]))
         .failure()
         .stderr(contains("full_lock_deg"));
 }

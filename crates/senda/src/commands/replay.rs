@@ -34,6 +34,9 @@ pub(crate) struct Arguments {
     /// Another driver than the recorded one; for foreign data `lane` unless given
     #[arg(long, value_name = "DRIVER")]
     driver: Option<String>,
+    /// Trained network for the driver `neural`
+    #[arg(long, value_name = "FILE")]
+    model: Option<String>,
     /// Vehicle that foreign data come from: its camera tells where the floor is
     #[arg(long, value_name = "VEHICLE", default_value = "donkeycar")]
     vehicle: String,
@@ -94,6 +97,9 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             "options for a vehicle that does not obey: {}",
             FOREIGN_LANE.join(" ")
         );
+    }
+    if let Some(model) = &arguments.model {
+        driver_options.insert("model".to_owned(), model.as_str().into());
     }
     merge(&mut driver_options, parse_option_list(&arguments.options)?);
     let options = replay::Options {
