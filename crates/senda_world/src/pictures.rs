@@ -14,8 +14,8 @@ const QUIET_ZONE: usize = 4;
 const PAPER: Colour = Colour::new(244, 244, 240);
 const PRINT: Colour = Colour::new(16, 16, 18);
 /// The signs' light blue and the digit on it ("en color celeste", document D; the shade is a guess).
-const SIGN: Colour = Colour::new(112, 190, 236);
-const DIGIT: Colour = Colour::new(18, 26, 58);
+pub(crate) const SIGN: Colour = Colour::new(112, 190, 236);
+pub(crate) const DIGIT: Colour = Colour::new(18, 26, 58);
 const HOUSING: Colour = Colour::new(88, 90, 94);
 
 /// When a pedestrian light is green: for `green_s`, then red for `red_s`, and so on.
@@ -78,7 +78,7 @@ pub(crate) fn qr(text: &str) -> Option<Cells> {
 /// Cells along a sign's side: a millimetre on a sign of 8 cm.
 const SIGN_CELLS: usize = 80;
 /// Half the width of a digit's strokes, as part of the board.
-const STROKE: f64 = 0.055;
+pub(crate) const STROKE: f64 = 0.055;
 
 /// A number sign.
 pub(crate) fn sign(number: u8) -> Cells {
@@ -151,7 +151,7 @@ fn distance(at: Vec2, a: Vec2, b: Vec2) -> f64 {
 }
 
 /// A digit as joined points in its own box, x right and y down, 0..1.
-fn strokes(number: u8) -> Vec<Vec<Vec2>> {
+pub(crate) fn strokes(number: u8) -> Vec<Vec<Vec2>> {
     let line = |points: &[(f64, f64)]| points.iter().map(|&(x, y)| Vec2::new(x, y)).collect::<Vec<_>>();
     let ring = |x: f64, y: f64, half_width: f64, half_height: f64| {
         (0..=24)

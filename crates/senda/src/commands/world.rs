@@ -82,6 +82,17 @@ enum What {
         #[arg(short, long, value_name = "FILE")]
         out: PathBuf,
     },
+    /// Print a warehouse's codes, number signs and crossings at true scale
+    Boards {
+        /// Ready world, world file or random-warehouse:SEED
+        world: String,
+        /// PDF file
+        #[arg(long, value_name = "FILE")]
+        out: PathBuf,
+        /// a4 or a3
+        #[arg(long, default_value = "a4")]
+        paper: String,
+    },
     /// Print a world at true scale, to tape it on a floor
     Print {
         /// Ready world, world file or random-line:SEED
@@ -184,6 +195,18 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             }
             write_world(&if reverse { world.reversed() } else { world }, &out)
         }
+        What::Boards { world, out, paper } => {
+            let world = find_world(&world)?;
+            let pdf = draw::boards(&world, paper_named(&paper)?).with_context(|| {
+                format!(
+                    "{}: expected codes, number signs or crossings that fit on {paper}, but found none, or a larger one",
+                    world.name
+                )
+            })?;
+            write_file(&out, &pdf)?;
+            println!("{}: print at 100 % and check the ruler", out.display());
+            Ok(())
+        }
         What::Print {
             world,
             out,
@@ -192,11 +215,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             outline,
         } => {
             let world = find_world(&world)?;
-            let paper = match paper.as_str() {
-                "a4" => Paper::A4,
-                "a3" => Paper::A3,
-                other => bail!("--paper {other}: expected a4 or a3"),
-            };
+            let paper = paper_named(&paper)?;
             let ink = if outline { Ink::Outline } else { Ink::Full };
             let options = PrintOptions {
                 paper,
@@ -224,6 +243,14 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             );
             Ok(())
         }
+    }
+}
+
+fn paper_named(name: &str) -> Result<Paper> {
+    match name {
+        "a4" => Ok(Paper::A4),
+        "a3" => Ok(Paper::A3),
+        other => bail!("--paper {other}: expected a4 or a3"),
     }
 }
 

@@ -1,11 +1,13 @@
 //! Pictures of a world: drawings (SVG), paintings (PNG) and prints at true scale (PDF, SVG).
 
+mod boards;
 mod lines;
 mod map;
 mod pdf;
 mod print;
 mod shape;
 
+pub use boards::boards;
 pub use map::svg;
 pub use print::{Ink, Paper, Print, PrintOptions, SHEET_LIMIT};
 

@@ -9,8 +9,8 @@ use crate::world::World;
 use senda_geom::Vec2;
 use serde::{Deserialize, Serialize};
 
-const INK: Colour = Colour::new(30, 30, 34);
-const PALE: Colour = Colour::new(150, 150, 156);
+pub(super) const INK: Colour = Colour::new(30, 30, 34);
+pub(super) const PALE: Colour = Colour::new(150, 150, 156);
 const PATH: Colour = Colour::new(226, 61, 84);
 
 /// Sizes of paper.
@@ -22,6 +22,16 @@ pub enum Paper {
     A4,
     /// 297 x 420 mm.
     A3,
+}
+
+impl Paper {
+    /// Short and long side (mm).
+    pub(super) fn size_mm(self) -> [f64; 2] {
+        match self {
+            Paper::A4 => [210.0, 297.0],
+            Paper::A3 => [297.0, 420.0],
+        }
+    }
 }
 
 /// How much ink the markings take.
@@ -83,10 +93,7 @@ impl Print {
     /// Lays a world out on sheets at true scale. `None`: it would take more than [`SHEET_LIMIT`] sheets, or has
     /// nothing to print.
     pub fn new(world: &World, options: &PrintOptions) -> Option<Self> {
-        let (short_mm, long_mm) = match options.paper {
-            Paper::A4 => (210.0, 297.0),
-            Paper::A3 => (297.0, 420.0),
-        };
+        let [short_mm, long_mm] = options.paper.size_mm();
         let (width_mm, height_mm) = if options.landscape {
             (long_mm, short_mm)
         } else {
@@ -449,7 +456,7 @@ fn parallel(points: &[Vec2], offset: f64) -> Vec<Vec2> {
         .collect()
 }
 
-fn crop_marks(low: Vec2, high: Vec2, shapes: &mut Vec<Shape>) {
+pub(super) fn crop_marks(low: Vec2, high: Vec2, shapes: &mut Vec<Shape>) {
     for (x, outward_x) in [(low.x, -1.0), (high.x, 1.0)] {
         for (y, outward_y) in [(low.y, -1.0), (high.y, 1.0)] {
             let corner = Vec2::new(x, y);
@@ -467,7 +474,7 @@ fn crop_marks(low: Vec2, high: Vec2, shapes: &mut Vec<Shape>) {
 }
 
 /// 10 cm in centimetres: a ruler laid beside it shows whether the printer kept the scale.
-fn draw_ruler(low: Vec2, shapes: &mut Vec<Shape>) {
+pub(super) fn draw_ruler(low: Vec2, shapes: &mut Vec<Shape>) {
     let from = Vec2::new(low.x + 7.0, low.y - 5.6);
     shapes.push(Shape::line(vec![from, from + Vec2::new(100.0, 0.0)], 0.2, INK));
     for mm in 0..=100 {
