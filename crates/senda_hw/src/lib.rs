@@ -1,4 +1,4 @@
-//! Devices: gamepads and steering wheels that a person drives with.
+//! Devices: gamepads and steering wheels that a person drives with, and the thread that turns motors.
 //!
 //! ```
 //! use senda_hw::gamepad::{Axis, Layout, Motion, Raw};
@@ -12,5 +12,6 @@
 //! This crate does not know drivers, the loop, recordings, or what a movement means for a vehicle.
 
 pub mod gamepad;
+pub mod motors;
 
 pub use gamepad::{Gamepad, GamepadError, Motion};
