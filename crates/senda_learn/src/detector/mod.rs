@@ -1,5 +1,6 @@
 //! Object detectors (D7 in SPEC): pictures with boxes from the simulator or from darknet's files, training, and how good it got.
 
+mod jitter;
 mod scenes;
 mod training;
 

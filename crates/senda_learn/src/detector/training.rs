@@ -1,13 +1,14 @@
 //! Training a detector.
 
 use super::Pictures;
+use super::jitter::jitter;
 use crate::LearnError;
 use crate::augment::{Answers, Augmentation, augment};
 use crate::checkpoint;
 use crate::train::{Epoch, News, Progress, Schedule, Trained};
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
-use senda_nets::{DetectionLoss, DetectionSpec, InputSpec, Network, TrainOptions, Trainer, Weights};
+use senda_nets::{Boxed, DetectionLoss, DetectionSpec, InputSpec, Network, TrainOptions, Trainer, Weights};
 use senda_run::Ears;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -22,9 +23,11 @@ pub struct DetectorTraining {
     pub batch: usize,
     /// Adam's step size at the beginning; it falls smoothly to a fiftieth.
     pub learning_rate: f64,
-    /// Part of the light, contrast and colours by which pictures are changed. Mirroring and shifting stay off: they would
-    /// move the boxes, and digits have no mirror image.
+    /// Part of the light, contrast and colours by which pictures are changed. They are never mirrored: digits have no mirror
+    /// image.
     pub light: f64,
+    /// Part of the picture by which it is moved, and of its size by which it is scaled, with its boxes.
+    pub jitter: f64,
     /// Seed of the order and of the changes.
     pub seed: u64,
     /// Threads; 0: one for each core. The result does not depend on it.
@@ -38,6 +41,7 @@ impl Default for DetectorTraining {
             batch: 16,
             learning_rate: 2e-3,
             light: 0.2,
+            jitter: 0.2,
             seed: 1,
             threads: 0,
         }
@@ -66,6 +70,9 @@ impl DetectorTraining {
         }
         if !(0.0..=0.9).contains(&self.light) {
             return Err(wrong("light", "0 to 0.9", self.light.to_string()));
+        }
+        if !(0.0..=0.5).contains(&self.jitter) {
+            return Err(wrong("jitter", "0 to 0.5", self.jitter.to_string()));
         }
         Ok(())
     }
@@ -136,6 +143,8 @@ pub fn train(
     let mut bytes = vec![0u8; len];
     let mut inputs: Vec<f32> = Vec::new();
     let mut order: Vec<usize> = Vec::new();
+    let mut truths: Vec<Vec<Boxed>> = Vec::new();
+    let mut source: Vec<u8> = Vec::new();
     let steps = pictures.len().div_ceil(options.batch) as u64;
     let of = steps * u64::from(options.epochs);
     for number in progress.history.len() as u32 + 1..=options.epochs {
@@ -154,15 +163,25 @@ pub fn train(
             learning_rate = options.learning_rate * Schedule::Smooth.factor(done as f64 / of as f64);
             trainer.set_learning_rate(learning_rate as f32);
             inputs.resize(batch.len() * len, 0.0);
+            truths.clear();
             for (index, values) in batch.iter().zip(inputs.chunks_exact_mut(len)) {
                 bytes.copy_from_slice(pictures.picture(*index));
                 let mut own = ChaCha8Rng::seed_from_u64(options.seed ^ u64::from(number) << 32);
                 own.set_stream(*index as u64 + 1);
+                let boxes = &pictures.truths[*index];
+                truths.push(jitter(
+                    options.jitter,
+                    shape,
+                    &mut bytes,
+                    boxes,
+                    &mut source,
+                    &mut own,
+                ));
                 augment(&changes, shape, &mut bytes, &mut [], &nothing, &mut own);
                 input.normalise(&bytes, values);
             }
             let judge = |place: usize, output: &[f32], gradient: &mut [f32]| {
-                loss.of(output, &pictures.truths[batch[place]], gradient)
+                loss.of(output, &truths[place], gradient)
             };
             let loss = f64::from(trainer.step_judged(&inputs, &judge));
             if !loss.is_finite() || !trainer.weights().fits(network) {
