@@ -120,6 +120,22 @@ fn a_sign_that_is_not_there_ends_the_mission() {
     assert!(driver.counts.leg == 0 && driver.way.turned_rad.abs() < 1.2);
 }
 
+/// A sign led into a street whose code is another depot's: the code counts, nothing is unloaded there.
+#[test]
+fn a_sign_that_the_code_contradicts_brings_the_package_back() {
+    let mut driver = driver(MissionOptions::default());
+    (driver.step, driver.goal) = (Step::TakeStreet, Some(2));
+    driver.codes.take("F0");
+    driver.drive(&grey(0.05, None));
+    assert_eq!(driver.step(), Step::Return);
+    let reason = driver.reason().unwrap();
+    assert!(
+        reason.contains("expected depot 2") && reason.contains("depot 0"),
+        "{reason}"
+    );
+    assert!(!driver.delivered);
+}
+
 #[test]
 fn a_light_that_never_turns_ends_the_mission() {
     let mut driver = driver(MissionOptions {
