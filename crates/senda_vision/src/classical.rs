@@ -2,6 +2,7 @@
 
 use crate::components::Components;
 use crate::detection::{Detection, Detector, ObjectClass};
+use crate::digits::{corners, digit, luminance};
 use crate::{HsvRange, street::colours};
 use senda_core::{Channels, Image};
 
@@ -41,7 +42,7 @@ impl Default for ClassicalOptions {
             },
             board_part: 0.045,
             lamp_part: 0.016,
-            part: 0.62,
+            part: 0.8,
         }
     }
 }
@@ -54,6 +55,8 @@ const WORKING_WIDTH_PX: usize = 320;
 pub struct ClassicalDetector {
     options: ClassicalOptions,
     small: Image,
+    hsv: Vec<[u8; 3]>,
+    grey: Vec<u8>,
     row: Vec<u8>,
     components: Components,
     found: Vec<Detection>,
@@ -68,22 +71,146 @@ impl ClassicalDetector {
         }
     }
 
-    /// Boxes (px of the shrunk frame) of what has a colour, with the part of each that is filled.
-    fn blobs(&mut self, colour: HsvRange, height: usize, mut each: impl FnMut(&Image, [usize; 4], f64)) {
+    /// Boxes (px of the shrunk frame) of what is kept, with the part of each that is filled. `keeps` is told a pixel's hue,
+    /// saturation and value, and its luminance.
+    fn blobs(
+        &mut self,
+        height: usize,
+        keeps: impl Fn([u8; 3], u8) -> bool,
+        mut each: impl FnMut(&Image, [usize; 4], f64, &dyn Fn(usize, usize) -> bool),
+    ) {
         let small = &self.small;
+        let width = small.width();
         self.row.clear();
-        self.row.resize(small.width().next_multiple_of(8), 0);
+        self.row.resize(width.next_multiple_of(8), 0);
+        let (hsv, grey) = (&self.hsv, &self.grey);
         self.components.label(height, &mut self.row, |v, row| {
-            for (out, pixel) in row.iter_mut().zip(small.row(v).as_chunks::<3>().0) {
-                *out = u8::from(colour.contains(crate::hsv(*pixel)));
+            let line = v * width..(v + 1) * width;
+            for ((out, hsv), grey) in row.iter_mut().zip(&hsv[line.clone()]).zip(&grey[line]) {
+                *out = u8::from(keeps(*hsv, *grey));
             }
         });
         for blob in self.components.moments() {
             let size = [blob.left, blob.top, blob.right, blob.bottom].map(|side| side as usize);
             let area = (size[2] - size[0]) * (size[3] - size[1]);
-            each(small, size, blob.count as f64 / area.max(1) as f64);
+            let kept = |u: usize, v: usize| keeps(hsv[v * width + u], grey[v * width + u]);
+            each(small, size, blob.count as f64 / area.max(1) as f64, &kept);
         }
     }
+}
+
+impl ClassicalDetector {
+    /// Hues and luminances of the shrunk frame, which every level looks at.
+    fn prepare(&mut self) {
+        let pixels = self.small.pixels().as_chunks::<3>().0;
+        self.hsv.clear();
+        self.hsv.extend(pixels.iter().map(|pixel| crate::hsv(*pixel)));
+        self.grey.clear();
+        self.grey
+            .extend(pixels.iter().map(|pixel| (luminance(*pixel) / 8) as u8));
+    }
+
+    /// Hues as they would be if the floor, which is most of the lower part of the frame, were grey: in warm light a light blue
+    /// board is greenish.
+    fn balance(&mut self) {
+        let mut sum = [1u64; 3];
+        let below = self.small.height() / 3..self.small.height();
+        for v in below {
+            for pixel in self.small.row(v).as_chunks::<3>().0 {
+                for (sum, value) in sum.iter_mut().zip(pixel) {
+                    *sum += u64::from(*value);
+                }
+            }
+        }
+        let grey = sum.iter().sum::<u64>() / 3;
+        // In 256ths; a coloured floor shall not turn everything into its opposite.
+        let gains = sum.map(|sum| (256 * grey / sum).clamp(128, 512) as u32);
+        let pixels = self.small.pixels().as_chunks::<3>().0;
+        for (hsv, pixel) in self.hsv.iter_mut().zip(pixels) {
+            let mut balanced = *pixel;
+            for (value, gain) in balanced.iter_mut().zip(gains) {
+                *value = (u32::from(*value) * gain / 256).min(255) as u8;
+            }
+            *hsv = crate::hsv(balanced);
+        }
+    }
+
+    /// Boards that show a digit: light blue at several least saturations, since a floor may be blue as well, and brighter than
+    /// what is around them, since light may take their hue away.
+    fn boards(&mut self, height: usize, mut keep: impl FnMut(ObjectClass, [usize; 4], f64)) {
+        let options = self.options;
+        let width = self.small.width();
+        let mut board =
+            |image: &Image, size: [usize; 4], filled: f64, kept: &dyn Fn(usize, usize) -> bool| {
+                let (w, h) = ((size[2] - size[0]) as f64, (size[3] - size[1]) as f64);
+                // Cut by the frame's edge its digit cannot be told.
+                let whole = size[0] > 0 && size[1] > 0 && size[2] < width;
+                if whole
+                    && h > options.board_part * width as f64
+                    && (0.4..1.5).contains(&(w / h))
+                    && filled > 0.45
+                    && let Some((digit, confidence)) = digit(image, corners(kept, size))
+                {
+                    keep(ObjectClass::Sign(digit), size, confidence);
+                }
+            };
+        for balanced in [false, true] {
+            if balanced {
+                self.balance();
+            }
+            for more in [0, 20, 40, 65, 95] {
+                let mut colour = options.board;
+                colour.low[1] = colour.low[1].saturating_add(more);
+                self.blobs(height, |hsv, _| colour.contains(hsv), &mut board);
+            }
+        }
+        for level in (1..=8).map(|step| 45 + 22 * step) {
+            self.blobs(height, |_, grey| grey > level, &mut board);
+        }
+    }
+
+    fn lights(&mut self, height: usize, mut keep: impl FnMut(ObjectClass, [usize; 4], f64)) {
+        let options = self.options;
+        let width = self.small.width() as f64;
+        for (class, colour, partner) in [
+            (ObjectClass::RedLight, options.red_lamp, 1.0),
+            (ObjectClass::GreenLight, options.green_lamp, -1.0),
+        ] {
+            for [saturation, value] in [[0, 0], [30, 0], [0, 50], [60, 50]] {
+                let mut colour = colour;
+                colour.low[1] = colour.low[1].saturating_add(saturation);
+                colour.low[2] = colour.low[2].saturating_add(value);
+                self.blobs(
+                    height,
+                    |hsv, _| colour.contains(hsv),
+                    |image, size, filled, _| {
+                        let (w, h) = ((size[2] - size[0]) as f64, (size[3] - size[1]) as f64);
+                        let round = (0.55..1.6).contains(&(w / h)) && filled > 0.5;
+                        if !round || h < options.lamp_part * width {
+                            return;
+                        }
+                        if let Some(confidence) = lamp(image, size, partner) {
+                            keep(class, housing(size, partner), confidence * filled / 0.785);
+                        }
+                    },
+                );
+            }
+        }
+    }
+}
+
+/// The whole light around its lit lamp, as labels have it: 2.4 times as high as wide, lamps of 0.74 of its width.
+fn housing([left, top, right, bottom]: [usize; 4], partner: f64) -> [usize; 4] {
+    let side = 0.5 * (right - left + bottom - top) as f64 / 0.74;
+    let middle_u = 0.5 * (left + right) as f64;
+    let middle_v = 0.5 * (top + bottom) as f64 + partner * 0.55 * side;
+    let at = |value: f64| value.max(0.0) as usize;
+    [
+        at(middle_u - 0.5 * side),
+        at(middle_v - 1.2 * side),
+        at(middle_u + 0.5 * side),
+        at(middle_v + 1.2 * side),
+    ]
 }
 
 impl Detector for ClassicalDetector {
@@ -94,9 +221,7 @@ impl Detector for ClassicalDetector {
         }
         let factor = (frame.width() / WORKING_WIDTH_PX).max(1);
         colours::shrink(frame, factor, &mut self.small);
-        let width = self.small.width() as f64;
         let height = (self.small.height() as f64 * self.options.part.clamp(0.1, 1.0)) as usize;
-        let options = self.options;
         let mut found = std::mem::take(&mut self.found);
         let mut keep = |class, size: [usize; 4], confidence: f64| {
             found.push(Detection {
@@ -105,48 +230,32 @@ impl Detector for ClassicalDetector {
                 confidence: confidence.clamp(0.0, 1.0) as f32,
             });
         };
-        let full_width = self.small.width();
-        self.blobs(options.board, height, |image, size, filled| {
-            let (w, h) = ((size[2] - size[0]) as f64, (size[3] - size[1]) as f64);
-            // Cut by the frame's edge its digit cannot be told.
-            let whole = size[0] > 0 && size[2] < full_width;
-            if whole && h > options.board_part * width && (0.55..1.5).contains(&(w / h)) && filled > 0.5 {
-                if let Some((digit, confidence)) = digit(image, size) {
-                    keep(ObjectClass::Sign(digit), size, confidence);
-                }
-            }
-        });
-        for (class, colour, partner) in [
-            (ObjectClass::RedLight, options.red_lamp, 1.0),
-            (ObjectClass::GreenLight, options.green_lamp, -1.0),
-        ] {
-            self.blobs(colour, height, |image, size, filled| {
-                let (w, h) = ((size[2] - size[0]) as f64, (size[3] - size[1]) as f64);
-                let round = (0.55..1.6).contains(&(w / h)) && filled > 0.5;
-                if !round || h < options.lamp_part * width {
-                    return;
-                }
-                if let Some(confidence) = lamp(image, size, partner) {
-                    // The whole light, as labels have it: 2.4 wide, lamps of 0.74 of its width.
-                    let side = 0.5 * (w + h) / 0.74;
-                    let middle_u = 0.5 * (size[0] + size[2]) as f64;
-                    let lamp_v = 0.5 * (size[1] + size[3]) as f64;
-                    let middle_v = lamp_v + partner * 0.55 * side;
-                    let at = |value: f64| value.max(0.0) as usize;
-                    let whole = [
-                        at(middle_u - 0.5 * side),
-                        at(middle_v - 1.2 * side),
-                        at(middle_u + 0.5 * side),
-                        at(middle_v + 1.2 * side),
-                    ];
-                    keep(class, whole, confidence * filled / 0.785);
-                }
-            });
-        }
+        self.prepare();
+        self.lights(height, &mut keep);
+        self.boards(height, &mut keep);
         found.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
+        // Every level finds the same things again: the surest of what overlaps stays.
+        let mut kept = 0;
+        for index in 0..found.len() {
+            let one = found[index];
+            if found[..kept].iter().all(|other| overlap(other, &one) < 0.3) {
+                found[kept] = one;
+                kept += 1;
+            }
+        }
+        found.truncate(kept);
         self.found = found;
         &self.found
     }
+}
+
+/// What two boxes have in common, as a part of the smaller.
+fn overlap(one: &Detection, other: &Detection) -> f32 {
+    let along = |axis: usize| {
+        (one.box_px[axis + 2].min(other.box_px[axis + 2]) - one.box_px[axis].max(other.box_px[axis])).max(0.0)
+    };
+    let area = |box_px: &[f32; 4]| (box_px[2] - box_px[0]) * (box_px[3] - box_px[1]);
+    along(0) * along(1) / area(&one.box_px).min(area(&other.box_px)).max(1.0)
 }
 
 /// Whether a bright blob is a light's lamp: grey housing around it, and in the direction of its partner (1 down, -1 up) a
@@ -170,111 +279,7 @@ fn lamp(image: &Image, [left, top, right, bottom]: [usize; 4], partner: f64) -> 
     let between = pixel(u, v + partner * 0.55 / 0.37 * radius)?;
     let grey = value(between) - between.iter().min().copied().unwrap_or(0);
     let dark = f64::from(own - other) / f64::from(own.max(1));
-    (dark > 0.35 && grey < 70 && value(between) < own && other < value(between) + 15)
-        .then_some(0.6 + 0.4 * dark)
+    // The dark lamp is darker than the housing: what lies below a crossing's red bar is street all over.
+    let hole = 100 * other < 85 * value(between);
+    (dark > 0.35 && grey < 70 && value(between) < own && hole).then_some(0.6 + 0.4 * dark)
 }
-
-/// The digit on a board, by the part of each cell that is dark, against templates.
-fn digit(image: &Image, [left, top, right, bottom]: [usize; 4]) -> Option<(u8, f64)> {
-    const COLUMNS: usize = 6;
-    const ROWS: usize = 10;
-    let luminance = |u: usize, v: usize| {
-        let pixel = image.pixel(u.min(image.width() - 1), v.min(image.height() - 1));
-        i32::from(pixel[0]) * 2 + i32::from(pixel[1]) * 5 + i32::from(pixel[2])
-    };
-    // Board and digit are the two sides of the middle between the darkest and the lightest.
-    let (mut darkest, mut lightest) = (i32::MAX, 0);
-    for v in top + 1..bottom.saturating_sub(1) {
-        for u in left + 1..right.saturating_sub(1) {
-            let value = luminance(u, v);
-            (darkest, lightest) = (darkest.min(value), lightest.max(value));
-        }
-    }
-    if lightest - darkest < 150 {
-        return None;
-    }
-    // The digit fills the middle half of the board's width, and 10 of 12 parts of its height count.
-    let (w, h) = ((right - left) as f64, (bottom - top) as f64);
-    let mut cells = [[0.0; COLUMNS]; ROWS];
-    for (row, cells) in cells.iter_mut().enumerate() {
-        for (column, cell) in cells.iter_mut().enumerate() {
-            for sample in 0..9 {
-                let u = (column as f64 + f64::from(sample % 3) / 3.0 + 1.0 / 6.0 + 3.0) / 12.0;
-                let v = (row as f64 + f64::from(sample / 3) / 3.0 + 1.0 / 6.0 + 1.0) / 12.0;
-                let value = luminance(left + (u * w) as usize, top + (v * h) as usize);
-                *cell += f64::from(lightest - value) / f64::from(lightest - darkest) / 9.0;
-            }
-        }
-    }
-    let mut scores: Vec<(f64, u8)> = (0..10u8)
-        .map(|digit| (correlation(&cells, &TEMPLATES[usize::from(digit)]), digit))
-        .collect();
-    scores.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let ((best, digit), (second, _)) = (scores[0], scores[1]);
-    (best > 0.6 && best - second > 0.03).then_some((digit, best))
-}
-
-fn correlation(cells: &[[f64; 6]; 10], template: &[&[u8; 6]; 10]) -> f64 {
-    let pairs = || {
-        cells
-            .iter()
-            .flatten()
-            .zip(template.iter().flat_map(|row| row.iter()))
-            .map(|(cell, letter)| (*cell, f64::from(letter - b'0') / 9.0))
-    };
-    let (mut sa, mut sb) = (0.0, 0.0);
-    for (a, b) in pairs() {
-        (sa, sb) = (sa + a, sb + b);
-    }
-    let (ma, mb) = (sa / 60.0, sb / 60.0);
-    let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
-    for (a, b) in pairs() {
-        let (a, b) = (a - ma, b - mb);
-        (ab, aa, bb) = (ab + a * b, aa + a * a, bb + b * b);
-    }
-    ab / (aa * bb).sqrt().max(1e-9)
-}
-
-/// How dark the cells of each digit are (0 to 9), in the middle 6 of 12 columns and 10 of 12 rows of its board.
-const TEMPLATES: [[&[u8; 6]; 10]; 10] = [
-    [
-        b"026620", b"186681", b"660066", b"830038", b"920029", b"920029", b"830038", b"660066", b"186681",
-        b"026620",
-    ],
-    [
-        b"002600", b"038920", b"296920", b"121920", b"001920", b"001920", b"001920", b"001920", b"001920",
-        b"000600",
-    ],
-    [
-        b"036630", b"485683", b"840057", b"500057", b"000083", b"000780", b"006810", b"058100", b"595333",
-        b"666666",
-    ],
-    [
-        b"036520", b"786694", b"100056", b"000076", b"007881", b"004693", b"000048", b"100038", b"885695",
-        b"036530",
-    ],
-    [
-        b"000340", b"001860", b"007960", b"048560", b"193460", b"771571", b"999999", b"111571", b"000460",
-        b"000240",
-    ],
-    [
-        b"166665", b"393332", b"460000", b"574410", b"697893", b"010057", b"000029", b"100057", b"885793",
-        b"036510",
-    ],
-    [
-        b"000130", b"006992", b"068200", b"293100", b"498961", b"882175", b"750049", b"560056", b"287782",
-        b"015510",
-    ],
-    [
-        b"666666", b"333368", b"000074", b"000291", b"000570", b"000830", b"003800", b"006600", b"019100",
-        b"016000",
-    ],
-    [
-        b"036630", b"295592", b"560065", b"470074", b"197791", b"585585", b"930039", b"920029", b"684486",
-        b"046640",
-    ],
-    [
-        b"015510", b"287782", b"650065", b"940057", b"571288", b"169894", b"001392", b"002860", b"299600",
-        b"031000",
-    ],
-];

@@ -2,9 +2,11 @@
 //!
 //! `rqrr` finds codes and corrects errors. It places its grid by the three finder patterns alone, which on small boards seen
 //! aslant is off by more than half a module; so [`QrReader`] moves the grid's corners until the patterns that every code of
-//! version 1 has (finders, timing) fit best, and samples the frame there. The work per frame is bounded by counts, not by a
+//! version 1 has (finders, timing) fit best, and samples the frame there. It is only asked where rows of pixels look like a
+//! finder pattern. The work per frame is bounded by counts, not by a
 //! clock: the same frame takes the same way on every machine.
 
+use crate::finder_patterns::{FinderPatterns, Region};
 use rqrr::{BitGrid, Grid, PreparedImage};
 use senda_core::{Channels, Image};
 use senda_geom::Vec2;
@@ -40,6 +42,8 @@ pub struct QrLimits {
     pub part: f64,
     /// At most this many candidates are decoded.
     pub candidates: usize,
+    /// Search everywhere, not only around rows that look like a finder pattern: several times as dear.
+    pub everywhere: bool,
 }
 
 impl Default for QrLimits {
@@ -48,6 +52,7 @@ impl Default for QrLimits {
             width_px: 640,
             part: 0.62,
             candidates: 4,
+            everywhere: false,
         }
     }
 }
@@ -59,6 +64,7 @@ pub struct QrReader {
     grey: Vec<u8>,
     width: usize,
     height: usize,
+    patterns: FinderPatterns,
     codes: Vec<QrCode>,
 }
 
@@ -85,14 +91,33 @@ impl QrReader {
             return &self.codes;
         }
         self.take_grey(frame, factor);
+        let regions = if self.limits.everywhere {
+            vec![[0, 0, self.width, self.height]]
+        } else {
+            self.patterns.find(&self.grey, self.width, self.height).to_vec()
+        };
+        let mut left = self.limits.candidates;
+        for region in regions {
+            left -= self.read_region(region, left, factor as f64);
+        }
+        self.codes.sort_by(|a, b| b.size_px().total_cmp(&a.size_px()));
+        &self.codes
+    }
+
+    /// Reads up to `limit` candidates in a part of the frame; returns how many there were.
+    fn read_region(&mut self, [left, top, right, bottom]: Region, limit: usize, scale: f64) -> usize {
+        if limit == 0 || right < left + 21 || bottom < top + 21 {
+            return 0;
+        }
         let (width, grey) = (self.width, &self.grey);
-        let mut prepared =
-            PreparedImage::prepare_from_greyscale(width, self.height, |x, y| grey[y * width + x]);
+        let mut prepared = PreparedImage::prepare_from_greyscale(right - left, bottom - top, |x, y| {
+            grey[(top + y) * width + left + x]
+        });
         let grids = prepared.detect_grids();
-        for grid in grids.iter().take(self.limits.candidates) {
+        for grid in grids.iter().take(limit) {
             let corners = grid
                 .bounds
-                .map(|point| Vec2::new(f64::from(point.x), f64::from(point.y)));
+                .map(|point| Vec2::new(f64::from(point.x) + left as f64, f64::from(point.y) + top as f64));
             let (text, corners) = if grid.grid.size() == MODULES {
                 let fitted = self.fit(corners);
                 match self.sample(&fitted) {
@@ -103,15 +128,13 @@ impl QrReader {
                 (grid.decode().ok().map(|(_, text)| text), corners)
             };
             if let Some(text) = text {
-                let scale = factor as f64;
                 self.codes.push(QrCode {
                     text,
                     corners_px: corners.map(|corner| [(corner.x * scale) as f32, (corner.y * scale) as f32]),
                 });
             }
         }
-        self.codes.sort_by(|a, b| b.size_px().total_cmp(&a.size_px()));
-        &self.codes
+        grids.len().min(limit)
     }
 
     fn take_grey(&mut self, frame: &Image, factor: usize) {
@@ -124,6 +147,17 @@ impl QrReader {
             [256, 0, 0]
         };
         let share = (factor * factor) as u32;
+        if factor == 1 && channels == 3 {
+            for (v, grey) in self.grey.chunks_exact_mut(self.width).enumerate() {
+                for (grey, [red, green, blue]) in grey.iter_mut().zip(frame.row(v).as_chunks::<3>().0) {
+                    let sum = u32::from(*red) * weights[0]
+                        + u32::from(*green) * weights[1]
+                        + u32::from(*blue) * weights[2];
+                    *grey = (sum / 256) as u8;
+                }
+            }
+            return;
+        }
         for v in 0..self.height {
             for u in 0..self.width {
                 let mut sum = 0;
