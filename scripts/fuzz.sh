@@ -16,7 +16,7 @@ case "${1:-}" in
     cargo run --quiet --no-default-features --bin seeds
     ;;
   run)
-    target=${2:?expected the name of a target: world, vehicle, calibration, tub, udacity, archive, edits, recording, image, waypoints, network, model, onnx, darknet, labels}
+    target=${2:?expected the name of a target: world, vehicle, calibration, tub, udacity, archive, edits, recording, image, waypoints, network, model, onnx, darknet, labels, codes}
     cargo run --quiet --no-default-features --bin seeds
     # What cargo-fuzz passes, but for the sanitiser, which only nightly compilers have.
     export RUSTFLAGS="--cfg fuzzing -Cpasses=sancov-module -Ccodegen-units=1 -Cdebug-assertions \

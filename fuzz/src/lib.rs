@@ -7,10 +7,11 @@ mod seeds;
 
 pub use seeds::seeds;
 
-use senda_core::{Body, Encoded, Image, Observation, Steering};
+use senda_core::{Body, Channels, Encoded, Image, Observation, Steering};
 use senda_data::{Edits, Recording, darknet as labelled, named_frames, tub, udacity as udacity_format};
 use senda_nets::{Darknet, DarknetWeights, Imported, Inference, Model, Network, suppress};
 use senda_vision::calibration::Calibration;
+use senda_vision::{QrLimits, QrReader};
 use senda_world::{VehicleSpec, World, paint};
 use std::io::Cursor;
 use std::path::Path;
@@ -32,6 +33,7 @@ pub const TARGETS: &[(&str, fn(&[u8]))] = &[
     ("onnx", onnx),
     ("darknet", darknet),
     ("labels", labels),
+    ("codes", codes),
 ];
 
 /// World files. What is accepted is written so that it is read as the same world.
@@ -61,6 +63,36 @@ pub fn waypoints(bytes: &[u8]) {
             Ok((again, _)) => assert_eq!(again, world, "{written}"),
             Err(error) => panic!("what was written is refused: {error}\n{written}"),
         }
+    }
+}
+
+/// Grey pictures for the reader of codes: a byte for the width, then pixels. The same picture gives the same codes, with
+/// corners that are numbers.
+pub fn codes(bytes: &[u8]) {
+    let Some((first, pixels)) = bytes.split_first() else {
+        return;
+    };
+    let width = 24 + usize::from(*first);
+    let height = (pixels.len() / width).min(400);
+    let Some(image) = Image::from_pixels(
+        width,
+        height,
+        Channels::Gray,
+        pixels[..width * height].to_vec(),
+    ) else {
+        return;
+    };
+    for everywhere in [false, true] {
+        let mut reader = QrReader::new(QrLimits {
+            part: 1.0,
+            everywhere,
+            ..QrLimits::default()
+        });
+        let found = reader.read(&image).to_vec();
+        for code in &found {
+            assert!(code.corners_px.iter().flatten().all(|place| place.is_finite()), "{code:?}");
+        }
+        assert_eq!(reader.read(&image), found);
     }
 }
 

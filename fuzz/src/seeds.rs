@@ -6,6 +6,7 @@ use senda_data::{RecordingHeader, RecordingWriter};
 use senda_geom::{Camera, Lens, Mounting, Vec2};
 use senda_nets::{Darknet, DarknetWeights, InputSpec, Model, Network, OutputSpec, Provenance, Weights};
 use senda_vision::calibration::{CalibrationOptions, Sheet, calibrate};
+use senda_world::Texture;
 use std::io::Cursor;
 use std::path::Path;
 use std::sync::OnceLock;
@@ -49,8 +50,24 @@ pub fn seeds(target: &str) -> Vec<(String, Vec<u8>)> {
                 b"classes=4\ntrain = train.txt\nvalid=valid.txt\nnames=set.names\nbackup=.\n".to_vec(),
             ),
         ],
+        "codes" => ["I2", "https://example.org/a"]
+            .map(|text| (text.replace(['/', ':'], "-"), code(text)))
+            .to_vec(),
         _ => Vec::new(),
     }
+}
+
+/// A byte for the width (beyond 24 px), then the pixels of a code of four pixels a module.
+fn code(text: &str) -> Vec<u8> {
+    let Some(Texture::Qr { cells, .. }) = Texture::qr(text) else {
+        return Vec::new();
+    };
+    let side = 4 * cells.width;
+    let mut bytes = vec![(side - 24) as u8];
+    for v in 0..side {
+        bytes.extend((0..side).map(|u| cells.cells[v / 4 * cells.width + u / 4].rgb[0]));
+    }
+    bytes
 }
 
 /// A small detector, a zero byte, its weights.
