@@ -5,7 +5,10 @@ use senda_core::{Image, Observation, Vehicle};
 use senda_sim::{SimOptions, Simulator};
 use senda_vision::{Contrast, ExtractorOptions, LineExtractor, WidthProfile};
 
+mod warehouse;
+
 pub use senda_sim::bench::Case;
+pub use warehouse::{random_detector, warehouse_frames};
 
 /// All cases, with the rates that are promised for one core of a 2-core AVX2 machine.
 pub fn cases() -> Result<Vec<Case>, RunError> {
@@ -24,6 +27,7 @@ pub fn cases() -> Result<Vec<Case>, RunError> {
         "closed loop, lane driver, 160x120",
         0.0,
     )?);
+    cases.extend(warehouse::cases()?);
     Ok(cases)
 }
 
