@@ -61,7 +61,12 @@ pub fn run<W: Write + Seek>(
     sink: Option<W>,
     ears: &mut Ears,
 ) -> Result<(Outcome, Option<W>), RunError> {
-    let named = |body: &Body, world: &World| {
+    run_by(scenario, named(scenario), sink, ears)
+}
+
+/// Seats the driver that the scenario names.
+fn named(scenario: &Scenario) -> impl FnOnce(&Body, &World) -> Result<Pilot, RunError> {
+    |body, world| {
         Pilot::named(
             &scenario.driver,
             body,
@@ -69,13 +74,24 @@ pub fn run<W: Write + Seek>(
             scenario.speed_mps,
             &scenario.resolve_driver_options(),
         )
-    };
-    run_by(scenario, named, sink, ears)
+    }
 }
 
 /// As [`run`], by the pilot that `seat` puts into the vehicle.
 pub fn run_by<W: Write + Seek>(
     scenario: &Scenario,
+    seat: impl FnOnce(&Body, &World) -> Result<Pilot, RunError>,
+    sink: Option<W>,
+    ears: &mut Ears,
+) -> Result<(Outcome, Option<W>), RunError> {
+    // Every driver looks at the first camera alone: without a recording nobody misses the others' pictures.
+    let cameras = sink.is_none().then_some(1);
+    run_with(scenario, cameras, seat, sink, ears)
+}
+
+fn run_with<W: Write + Seek>(
+    scenario: &Scenario,
+    cameras: Option<usize>,
     seat: impl FnOnce(&Body, &World) -> Result<Pilot, RunError>,
     sink: Option<W>,
     ears: &mut Ears,
@@ -102,6 +118,7 @@ pub fn run_by<W: Write + Seek>(
             Some(_) => Delivery::Compressed,
             None => Delivery::Pixels,
         },
+        cameras,
         ..SimOptions::default()
     };
     let mut simulator = Simulator::new(world.clone(), &spec, options)?;
@@ -147,6 +164,17 @@ pub fn run_by<W: Write + Seek>(
 /// Drives a scenario without keeping its pictures.
 pub fn in_memory(scenario: &Scenario, ears: &mut Ears) -> Result<Outcome, RunError> {
     Ok(run::<Cursor<Vec<u8>>>(scenario, None, ears)?.0)
+}
+
+/// Drives a scenario and keeps what the driver's own camera saw in memory, for a report of many runs.
+pub fn recorded_by_first_camera(
+    scenario: &Scenario,
+    ears: &mut Ears,
+) -> Result<(Outcome, Recording), RunError> {
+    let sink = Some(Cursor::new(Vec::new()));
+    let (outcome, sink) = run_with(scenario, Some(1), named(scenario), sink, ears)?;
+    let bytes = sink.map(Cursor::into_inner).unwrap_or_default();
+    Ok((outcome, Recording::from_bytes(&bytes)?))
 }
 
 /// Drives a scenario and keeps its recording in memory, for a report.

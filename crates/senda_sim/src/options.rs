@@ -18,9 +18,12 @@ pub struct SimOptions {
     pub images: Images,
     /// How the cameras hand their pictures over.
     pub delivery: Delivery,
+    /// How many of the vehicle's cameras take them, from the first one on; `None`: all. The others' pictures cost as much, and
+    /// nothing that the first ones see depends on them.
+    pub cameras: Option<usize>,
     /// Further delay (s) from the exposure to the observation, on top of the camera's own.
     pub extra_latency_s: f64,
-    /// Part of the frames that get lost on the way, 0..=1.
+    /// Part of the frames that get lost on the way, 0..=1; those of several cameras together.
     pub lost_frames: f64,
     /// Pushes from outside.
     pub pushes: Option<Pushes>,

@@ -19,7 +19,7 @@ pub struct Simulator {
     options: SimOptions,
     dynamics: Dynamics,
     cameras: Vec<CameraSensor>,
-    losses: Vec<Random>,
+    losses: Random,
     /// Poses and speeds of the latest steps, the newest last, as a ring.
     past: Vec<Past>,
     pushes: Option<Pushing>,
@@ -78,6 +78,7 @@ impl Simulator {
                 .cameras
                 .iter()
                 .enumerate()
+                .take(options.cameras.unwrap_or(usize::MAX))
                 .map(|(index, camera)| CameraSensor::new(camera, index, scene, &options))
                 .collect(),
             _ => Vec::new(),
@@ -94,9 +95,7 @@ impl Simulator {
         };
         let mut simulator = Self {
             past: vec![here; (longest_s / step_s).round() as usize + 1],
-            losses: (0..cameras.len())
-                .map(|index| Random::new(options.seed, Source::Losses(index as u64)))
-                .collect(),
+            losses: Random::new(options.seed, Source::Losses(0)),
             pushes: options
                 .pushes
                 .map(|pushes| Pushing::new(pushes, Random::new(options.seed, Source::Pushes))),
@@ -179,6 +178,8 @@ impl Simulator {
         if every == 0 || !self.observations.is_multiple_of(every) {
             return Ok(());
         }
+        // The pictures of a moment are lost together: a driver that looks at the first camera must never be shown another one's.
+        let lost = self.options.lost_frames > 0.0 && self.losses.uniform() < self.options.lost_frames;
         let elapsed_s = every as f64 * (step_ns * self.dynamics.steps_per_period()) as f64 * 1e-9;
         for (index, camera) in self.cameras.iter_mut().enumerate() {
             let latency_s = self.spec.cameras[index].latency_s + self.options.extra_latency_s;
@@ -197,8 +198,6 @@ impl Simulator {
             };
             let mut frame = self.spare.pop().unwrap_or_default();
             let outcome = camera.expose(&scene, &moment, elapsed_s, &mut frame);
-            let lost =
-                self.options.lost_frames > 0.0 && self.losses[index].uniform() < self.options.lost_frames;
             if lost || outcome.is_err() {
                 self.spare.push(frame);
             } else {

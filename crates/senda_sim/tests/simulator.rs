@@ -325,6 +325,39 @@ fn frames_are_late_by_the_camera_s_latency_and_may_get_lost() {
     assert!((55..85).contains(&seen), "{seen}");
 }
 
+/// What the driver's own camera sees and where the vehicle goes is the same with and without the others; and where a picture is
+/// lost, it is never another camera's that comes first.
+#[test]
+fn further_cameras_change_nothing_for_the_first_one() {
+    let spec = VehicleSpec::named("sedan").unwrap();
+    let drive = |cameras| {
+        let world = World::named("straight").unwrap();
+        let options = SimOptions {
+            lost_frames: 0.4,
+            cameras,
+            ..options(5)
+        };
+        let mut simulator = Simulator::new(world, &spec, options).unwrap();
+        let mut observation = Observation::default();
+        let mut seen = Vec::new();
+        for _ in 0..30 {
+            simulator.observe(&mut observation).unwrap();
+            simulator.actuate(&Command::curvature(0.01, 1.0)).unwrap();
+            seen.push(
+                observation
+                    .first_frame()
+                    .map(|frame| (frame.camera.clone(), frame.image.clone())),
+            );
+        }
+        (seen, *simulator.truth().unwrap())
+    };
+    let (all, one) = (drive(None), drive(Some(1)));
+    assert!(all == one);
+    assert!(all.0.iter().flatten().all(|(camera, _)| camera == "center"));
+    let lost = all.0.iter().filter(|seen| seen.is_none()).count();
+    assert!((5..20).contains(&lost), "{lost}");
+}
+
 #[test]
 fn images_can_be_rare_or_absent_without_changing_the_motion() {
     let spec = robot();
