@@ -21,7 +21,8 @@
 //! ```
 //!
 //! [`metrics`] are pure functions over true poses (B7 and B8 in SPEC, laps, departures, smoothness), [`mod@agreement`]
-//! compares two drivers on the same frames, [`statistics`] gives rates and means their intervals, [`Summary`] is one run in
+//! compares two drivers on the same frames, [`statistics`] gives rates and means their intervals, [`paired`] tests
+//! what two did with the same seed, [`Summary`] is one run in
 //! figures, [`plot`] draws SVG, [`report`] makes the pages.
 //!
 //! This crate does not know how a recording came about: the same code judges the simulator's run and a robot's. It reads
@@ -30,6 +31,7 @@
 pub mod agreement;
 pub mod delivery;
 pub mod metrics;
+pub mod paired;
 pub mod plot;
 pub mod report;
 pub mod statistics;

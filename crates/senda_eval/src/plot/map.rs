@@ -51,6 +51,8 @@ pub struct Map {
     pub vehicle_m: Option<[f64; 2]>,
     /// What to show.
     pub style: MapStyle,
+    /// Shows only this part of the world, enlarged: lower left and upper right corner (m).
+    pub window: Option<[Vec2; 2]>,
     /// Width of the picture (px); the height follows from the world.
     pub width_px: f64,
     /// Largest height (px).
@@ -123,6 +125,7 @@ impl Map {
             tracks: Vec::new(),
             vehicle_m: None,
             style: MapStyle::Full,
+            window: None,
             width_px: 560.0,
             max_height_px: 440.0,
         }
@@ -150,6 +153,11 @@ impl Map {
         };
 
         let mut out = svg::open(self.width_px, height_px, &self.name, "");
+        if self.window.is_some() {
+            // What lies outside of the window must not run into the legend.
+            let (width, height) = (px(self.width_px), px(height_px - legend_px));
+            out += &format!("<svg width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\">");
+        }
         for road in &self.roads {
             out += &format!(
                 "<path class=\"sp-road\" style=\"stroke-width:{}\" d=\"{}\"/>",
@@ -176,6 +184,9 @@ impl Map {
         for track in &self.tracks {
             out += &drawn(track, &path);
         }
+        if self.window.is_some() {
+            out += "</svg>";
+        }
         if full {
             out += &self.legend(height_px, scale);
         }
@@ -195,6 +206,9 @@ impl Map {
 
     /// The road with its corridor, and as much of the tracks as lies within half the world's size around it.
     fn bounds(&self) -> (Vec2, Vec2) {
+        if let Some([low, high]) = self.window {
+            return (low, high);
+        }
         let first = self.roads[0][0];
         let (mut low, mut high) = (first, first);
         for point in self.roads.iter().flatten() {

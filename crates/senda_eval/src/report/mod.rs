@@ -2,13 +2,15 @@
 //!
 //! [`html`] shows runs with a player that scrubs through the camera frames in step with all plots; [`sweep_html`] shows
 //! rates over many runs; [`study_html`] a study of the kinematics; [`real_data_html`] a driver on recorded real frames
-//! beside the human; [`training_html`] how a network was trained. The same input gives the same bytes. Text from files (world names, driver names, events) can
+//! beside the human; [`training_html`] how a network was trained; [`parts_html`] tables and plots that
+//! somebody else put together. The same input gives the same bytes. Text from files (world names, driver names, events) can
 //! neither act nor load anything: it is escaped, and the page forbids every script but its own.
 
 mod columns;
 mod delivery;
 mod frames;
 mod page;
+mod parts;
 mod plots;
 mod real;
 mod run;
@@ -18,6 +20,7 @@ mod sweep;
 mod training;
 
 pub use page::Page;
+pub use parts::{Part, PartFigure, PartTable, parts_html, parts_markdown};
 pub use real::real_data_html;
 pub use run::ReportRun;
 pub use study::{StudyTrace, study_html};
