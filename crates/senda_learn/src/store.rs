@@ -37,6 +37,43 @@ pub(crate) fn read_history(path: &Path) -> Option<Vec<Epoch>> {
     serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()
 }
 
+impl Samples {
+    /// Writes them to a file, whole or not at all.
+    pub fn save(&self, path: &Path) -> Result<(), LearnError> {
+        let head = Head {
+            frame_len: self.frame_len,
+            outputs: self.outputs,
+            frames: self.len(),
+            runs: self
+                .runs
+                .iter()
+                .map(|run| (run.name.clone(), run.world.clone(), run.frames.len()))
+                .collect(),
+            breaks: self.breaks.clone(),
+        };
+        let head = serde_json::to_vec(&head).unwrap_or_default();
+        replace(path, |file| {
+            file.write_all(MAGIC)?;
+            file.write_all(&(head.len() as u64).to_le_bytes())?;
+            file.write_all(&head)?;
+            file.write_all(&self.pixels)?;
+            for target in &self.targets {
+                file.write_all(&target.to_le_bytes())?;
+            }
+            Ok(())
+        })
+    }
+
+    /// Reads what [`Samples::save`] wrote. `None` where no such file is, and where it is damaged: then it is to be made again.
+    pub fn load(path: &Path) -> Result<Option<Self>, LearnError> {
+        match std::fs::read(path) {
+            Ok(bytes) => Ok(parse(&bytes)),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            Err(source) => Err(LearnError::io(path, source)),
+        }
+    }
+}
+
 /// The figures go last: a round with figures is whole.
 pub(crate) fn write_round(
     samples_path: &Path,
@@ -44,28 +81,7 @@ pub(crate) fn write_round(
     samples: &Samples,
     round: &Round,
 ) -> Result<(), LearnError> {
-    let head = Head {
-        frame_len: samples.frame_len,
-        outputs: samples.outputs,
-        frames: samples.len(),
-        runs: samples
-            .runs
-            .iter()
-            .map(|run| (run.name.clone(), run.world.clone(), run.frames.len()))
-            .collect(),
-        breaks: samples.breaks.clone(),
-    };
-    let head = serde_json::to_vec(&head).unwrap_or_default();
-    replace(samples_path, |file| {
-        file.write_all(MAGIC)?;
-        file.write_all(&(head.len() as u64).to_le_bytes())?;
-        file.write_all(&head)?;
-        file.write_all(&samples.pixels)?;
-        for target in &samples.targets {
-            file.write_all(&target.to_le_bytes())?;
-        }
-        Ok(())
-    })?;
+    samples.save(samples_path)?;
     write_json(round_path, round)
 }
 
@@ -82,12 +98,7 @@ pub(crate) fn read_round(
     let Ok(round) = serde_json::from_str(&text) else {
         return Ok(None);
     };
-    let bytes = match std::fs::read(samples_path) {
-        Ok(bytes) => bytes,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(source) => return Err(LearnError::io(samples_path, source)),
-    };
-    Ok(parse(&bytes).map(|samples| (samples, round)))
+    Ok(Samples::load(samples_path)?.map(|samples| (samples, round)))
 }
 
 fn parse(bytes: &[u8]) -> Option<Samples> {
