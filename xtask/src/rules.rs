@@ -18,8 +18,9 @@ pub(crate) const RANKS: &[(&str, u8)] = &[
     ("senda_run", 4),
     ("senda_web", 4),
     ("senda_learn", 5),
-    ("senda", 6),
-    ("senda_py", 6),
+    ("senda_compare", 6),
+    ("senda", 7),
+    ("senda_py", 7),
     // Stands beside the ranks: nothing uses it and it uses none of them.
     ("xtask", 0),
 ];

@@ -45,6 +45,10 @@ enum Command {
     Train(commands::train::Arguments),
     /// Drive a trained network on circuits it never saw and give rates with intervals
     Evaluate(commands::evaluate::Arguments),
+    /// Compare networks by how they really drive: train each several times, drive, give tables (document B)
+    Compare(commands::compare::Arguments),
+    /// Join the parts of a comparison that was spread over several machines
+    Merge(commands::compare::MergeArguments),
     /// Look into trained networks, bring them in and out, take them to 8 bits
     Model(commands::model::Arguments),
     /// Find signs and lights: make pictures, train, evaluate, run
@@ -77,6 +81,8 @@ fn main() -> std::process::ExitCode {
         Some(Command::Learn(arguments)) => commands::learn::run(arguments),
         Some(Command::Train(arguments)) => commands::train::run(arguments),
         Some(Command::Evaluate(arguments)) => commands::evaluate::run(arguments),
+        Some(Command::Compare(arguments)) => commands::compare::run(arguments),
+        Some(Command::Merge(arguments)) => commands::compare::run_merge(arguments),
         Some(Command::Model(arguments)) => commands::model::run(arguments),
         Some(Command::Detector(arguments)) => commands::detector::run(arguments),
         Some(Command::Net(arguments)) => commands::net::run(arguments),

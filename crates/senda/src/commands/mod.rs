@@ -2,6 +2,7 @@
 
 pub(crate) mod bench;
 pub(crate) mod calibrate;
+pub(crate) mod compare;
 pub(crate) mod data;
 pub(crate) mod deliver;
 pub(crate) mod detector;
