@@ -49,6 +49,8 @@ enum Command {
     Compare(commands::compare::Arguments),
     /// Join the parts of a comparison that was spread over several machines
     Merge(commands::compare::MergeArguments),
+    /// Show what a network looks at, in a picture or a run
+    Look(commands::look::Arguments),
     /// Look into trained networks, bring them in and out, take them to 8 bits
     Model(commands::model::Arguments),
     /// Find signs and lights: make pictures, train, evaluate, run
@@ -83,6 +85,7 @@ fn main() -> std::process::ExitCode {
         Some(Command::Evaluate(arguments)) => commands::evaluate::run(arguments),
         Some(Command::Compare(arguments)) => commands::compare::run(arguments),
         Some(Command::Merge(arguments)) => commands::compare::run_merge(arguments),
+        Some(Command::Look(arguments)) => commands::look::run(arguments),
         Some(Command::Model(arguments)) => commands::model::run(arguments),
         Some(Command::Detector(arguments)) => commands::detector::run(arguments),
         Some(Command::Net(arguments)) => commands::net::run(arguments),

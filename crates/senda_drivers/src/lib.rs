@@ -78,7 +78,7 @@ pub use line::{ChoiceOptions, LineDriver, LineOptions};
 pub use loss::{LossOptions, Mode, WhileLost};
 pub use manual::{Hands, KeyScript, ManualDriver, ManualOptions};
 pub use mission::{MissionDriver, MissionOptions};
-pub use neural::{Answer, NeuralDriver, NeuralOptions};
+pub use neural::{Answer, NeuralDriver, NeuralOptions, is_gap};
 pub use options::DriverError;
 pub use path_memory::TrackOptions;
 pub use sight::{ContrastChoice, SightOptions};

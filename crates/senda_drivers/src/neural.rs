@@ -2,9 +2,9 @@
 
 use crate::options::{DriverError, check};
 use crate::speed::SpeedOptions;
-use senda_core::{Body, Command, Drive, Driver, Explanation, Observation, Steering, Turn};
+use senda_core::{Body, Command, Drive, Driver, Explanation, Image, Observation, Stamp, Steering, Turn};
 use senda_geom::trig;
-use senda_nets::{Inference, Model, OutputSpec, Preparer};
+use senda_nets::{Eye, Inference, Model, OutputSpec};
 use serde::{Deserialize, Serialize};
 
 /// What one output of a network means. Targets and answers are around -1..1.
@@ -117,12 +117,22 @@ pub(crate) fn turn_of_lock(body: &Body, part: f64) -> Turn {
     }
 }
 
+/// Frames further apart than so many periods do not follow each other: between the jitter of real cameras and one lost frame.
+const GAP_PERIODS: f64 = 1.75;
+
+/// Whether frames are missing between two moments: edits took them out, or the camera lost them.
+pub fn is_gap(body: &Body, before: Stamp, after: Stamp) -> bool {
+    after.since_s(before).max(0.0) > GAP_PERIODS * body.period_s
+}
+
 /// Options of the network driver.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NeuralOptions {
     /// How fast, where the network does not say; curves slow it down by what the network steers.
     pub speed: SpeedOptions,
+    /// Throttle that is held instead of a speed (-1 to 1), where the network does not say: B4's control of steering alone.
+    pub throttle: Option<f64>,
     /// Largest change of the steering from frame to frame (part of full lock); 0 switches it off. A11: 3° of 50 servo
     /// degrees are 0.06.
     pub change_limit: f64,
@@ -135,6 +145,7 @@ impl Default for NeuralOptions {
         Self {
             // A13: trained at speed 20 of 100, which is 0.16 m/s of the kit car's 0.8.
             speed: SpeedOptions::constant(0.16),
+            throttle: None,
             change_limit: 0.0,
             any_camera: false,
         }
@@ -149,20 +160,65 @@ impl NeuralOptions {
 
     fn validate(&self) -> Result<(), DriverError> {
         self.speed.validate()?;
+        check("throttle", self.throttle.unwrap_or(0.0), -1.0, 1.0)?;
         check("change_limit", self.change_limit, 0.0, 2.0)
     }
 }
 
-/// Drives by what a network answers to each picture.
+/// One network, ready to answer.
+struct Brain {
+    answers: Vec<Answer>,
+    inference: Inference,
+    eye: Eye,
+}
+
+impl Brain {
+    fn new(body: &Body, model: Model, any_camera: bool) -> Result<Self, DriverError> {
+        let wrong = |reason: String| DriverError::Model { reason };
+        let Some(camera) = body.cameras.first() else {
+            return Err(DriverError::NoCamera {
+                body: body.name.clone(),
+            });
+        };
+        if !any_camera {
+            model.check_camera(camera).map_err(|mismatch| {
+                wrong(format!(
+                    "{mismatch}; set the option any_camera=true to drive nevertheless"
+                ))
+            })?;
+        }
+        let answer = |output: &OutputSpec| {
+            Answer::named(&output.name).ok_or_else(|| {
+                wrong(format!(
+                    "expected outputs named steering, curvature, speed or throttle, but found {:?}",
+                    output.name
+                ))
+            })
+        };
+        Ok(Self {
+            answers: model.outputs.iter().map(answer).collect::<Result<_, _>>()?,
+            inference: model.inference(),
+            eye: Eye::new(&model.input),
+        })
+    }
+
+    fn steers(&self) -> bool {
+        self.answers.iter().any(|answer| answer.is_turn())
+    }
+
+    fn names(&self) -> String {
+        let names: Vec<&str> = self.answers.iter().map(|answer| answer.name()).collect();
+        names.join(" and ")
+    }
+}
+
+/// Drives by what a network answers to each picture, or two: one for the steering wheel and one for the pedals.
 pub struct NeuralDriver {
     body: Body,
     options: NeuralOptions,
-    model: Model,
-    answers: Vec<Answer>,
-    inference: Inference,
-    preparer: Option<(usize, usize, Preparer)>,
-    input: Vec<f32>,
+    brains: Vec<Brain>,
     last: Option<Command>,
+    last_frame: Option<Stamp>,
     turn: f64,
     curvature_per_m: f64,
     seen: bool,
@@ -172,88 +228,81 @@ impl NeuralDriver {
     /// For a vehicle and a model. The model's camera must fit the vehicle's first one.
     pub fn new(body: &Body, model: Model, options: NeuralOptions) -> Result<Self, DriverError> {
         options.validate()?;
-        let Some(camera) = body.cameras.first() else {
-            return Err(DriverError::NoCamera {
-                body: body.name.clone(),
-            });
-        };
-        if !options.any_camera {
-            model
-                .check_camera(camera)
-                .map_err(|mismatch| DriverError::Model {
-                    reason: format!("{mismatch}; set the option any_camera=true to drive nevertheless"),
-                })?;
-        }
-        let answers = model
-            .outputs
-            .iter()
-            .map(|output| {
-                Answer::named(&output.name).ok_or_else(|| DriverError::Model {
-                    reason: format!(
-                        "expected outputs named steering, curvature, speed or throttle, but found {:?}",
-                        output.name
-                    ),
-                })
-            })
-            .collect::<Result<Vec<_>, _>>()?;
-        if !answers.iter().any(|answer| answer.is_turn()) {
+        let brain = Brain::new(body, model, options.any_camera)?;
+        if !brain.steers() {
             return Err(DriverError::Model {
                 reason: "expected an output named steering or curvature, but found none".into(),
             });
         }
         Ok(Self {
-            inference: model.inference(),
-            input: vec![0.0; model.network.input().len()],
             body: body.clone(),
             options,
-            model,
-            answers,
-            preparer: None,
+            brains: vec![brain],
             last: None,
+            last_frame: None,
             turn: 0.0,
             curvature_per_m: 0.0,
             seen: false,
         })
     }
 
-    /// The model at the wheel.
-    pub fn model(&self) -> &Model {
-        &self.model
+    /// The same with a second network for the pedals (B4: two separate networks); the first must steer alone.
+    pub fn with_throttle(mut self, model: Model) -> Result<Self, DriverError> {
+        let brain = Brain::new(&self.body, model, self.options.any_camera)?;
+        let wrong = |reason: String| Err(DriverError::Model { reason });
+        if brain.steers() || brain.answers.is_empty() {
+            return wrong(format!(
+                "the second network: expected throttle or speed alone, but found {}",
+                brain.names()
+            ));
+        }
+        if let Some(first) = self.brains.iter().find(|brain| brain.answers.len() > 1) {
+            return wrong(format!(
+                "expected a first network that steers alone beside one for the pedals, but found {}",
+                first.names()
+            ));
+        }
+        self.brains.push(brain);
+        Ok(self)
     }
 
-    fn command(&mut self) -> Command {
-        let outputs = self.inference.run(&self.input);
+    fn command(&mut self, image: &Image) -> Command {
         let mut turn = Turn::CurvaturePerM(0.0);
         let mut drive = None;
-        for (answer, value) in self.answers.iter().zip(outputs) {
-            let value = f64::from(*value);
-            match answer {
-                Answer::Steering | Answer::Curvature => {
-                    let limit = self.options.change_limit;
-                    let mut value = if *answer == Answer::Steering {
-                        value.clamp(-1.0, 1.0)
-                    } else {
-                        value
-                    };
-                    if limit > 0.0 && self.last.is_some() {
-                        value = value.clamp(self.turn - limit, self.turn + limit);
+        for brain in &mut self.brains {
+            let outputs = brain.inference.run(brain.eye.see(image));
+            for (answer, value) in brain.answers.iter().zip(outputs) {
+                let value = f64::from(*value);
+                match answer {
+                    Answer::Steering | Answer::Curvature => {
+                        let limit = self.options.change_limit;
+                        let mut value = if *answer == Answer::Steering {
+                            value.clamp(-1.0, 1.0)
+                        } else {
+                            value
+                        };
+                        if limit > 0.0 && self.last.is_some() {
+                            value = value.clamp(self.turn - limit, self.turn + limit);
+                        }
+                        self.turn = value;
+                        turn = match answer {
+                            Answer::Steering => turn_of_lock(&self.body, value),
+                            _ => Turn::CurvaturePerM(value * CURVATURE_OF_ONE_PER_M),
+                        };
                     }
-                    self.turn = value;
-                    turn = match answer {
-                        Answer::Steering => turn_of_lock(&self.body, value),
-                        _ => Turn::CurvaturePerM(value * CURVATURE_OF_ONE_PER_M),
-                    };
+                    Answer::Speed => {
+                        drive = Some(Drive::SpeedMps(value.clamp(0.0, 1.0) * self.body.speed_limit_mps))
+                    }
+                    Answer::Throttle => drive = Some(Drive::Throttle(value.clamp(-1.0, 1.0))),
                 }
-                Answer::Speed => {
-                    drive = Some(Drive::SpeedMps(value.clamp(0.0, 1.0) * self.body.speed_limit_mps))
-                }
-                Answer::Throttle => drive = Some(Drive::Throttle(value.clamp(-1.0, 1.0))),
             }
         }
         self.curvature_per_m = self.body.curvature_of(turn, self.options.speed.cruise_mps);
-        let drive = drive.unwrap_or(Drive::SpeedMps(
-            self.options.speed.for_curvature(self.curvature_per_m),
-        ));
+        let drive = match (drive, self.options.throttle) {
+            (Some(drive), _) => drive,
+            (None, Some(throttle)) => Drive::Throttle(throttle),
+            (None, None) => Drive::SpeedMps(self.options.speed.for_curvature(self.curvature_per_m)),
+        };
         Command { turn, drive }
     }
 }
@@ -265,15 +314,17 @@ impl Driver for NeuralDriver {
             // A camera that missed a frame: what was right a moment ago; the guard ends it if it lasts.
             return self.last.unwrap_or(Command::STOP);
         };
-        let (width, height) = (frame.image.width(), frame.image.height());
-        if !matches!(&self.preparer, Some((w, h, _)) if (*w, *h) == (width, height)) {
-            self.preparer = Some((width, height, self.model.input.preparer(width, height)));
+        if self
+            .last_frame
+            .is_some_and(|before| is_gap(&self.body, before, frame.stamp))
+        {
+            for brain in &mut self.brains {
+                brain.eye.forget();
+            }
         }
-        if let Some((_, _, preparer)) = &mut self.preparer {
-            preparer.prepare(&frame.image, &mut self.input);
-        }
+        self.last_frame = Some(frame.stamp);
         self.seen = true;
-        let command = self.command();
+        let command = self.command(&frame.image);
         self.last = Some(command);
         command
     }
@@ -310,7 +361,7 @@ mod tests {
     use super::*;
     use crate::test_vehicle::gopigo;
     use senda_core::{Channels, Frame, Image, Stamp};
-    use senda_nets::{InputSpec, Network, Provenance, Weights};
+    use senda_nets::{InputSpec, Network, Provenance, View, Weights};
 
     fn model(forgets: bool) -> Model {
         let network = Network::named("lstm-tinypilotnet").unwrap();
@@ -368,5 +419,103 @@ mod tests {
         assert_eq!(run[0], run[3]);
         assert_eq!(run[0], run[4]);
         assert_ne!(run[0], run[1]);
+    }
+
+    fn with_answers(answers: &[Answer], seed: u64) -> Model {
+        let network = Network::named("tinypilotnet").unwrap();
+        let network = network.with_outputs(answers.len()).unwrap();
+        Model {
+            weights: Weights::random(&network, seed),
+            input: InputSpec::for_network(&network, &View::default()).unwrap(),
+            network,
+            outputs: answers.iter().map(|answer| answer.output()).collect(),
+            forgets: false,
+            ..model(false)
+        }
+    }
+
+    /// B4: one network steers, another one has the pedals, and neither changes what the other answers.
+    #[test]
+    fn a_second_network_has_the_pedals() {
+        let new = |answers: &[Answer], seed| {
+            NeuralDriver::new(&gopigo(), with_answers(answers, seed), NeuralOptions::default())
+        };
+        let alone = new(&[Answer::Steering], 1).unwrap().drive(&picture(0));
+        let pedals = with_answers(&[Answer::Throttle], 2);
+        let mut both = new(&[Answer::Steering], 1)
+            .unwrap()
+            .with_throttle(pedals.clone())
+            .unwrap();
+        let command = both.drive(&picture(0));
+        assert_eq!(command.turn, alone.turn);
+        let mut inference = pedals.inference();
+        let expected = inference.run(Eye::new(&pedals.input).see(&picture(0).frames[0].image))[0];
+        assert_eq!(
+            command.drive,
+            Drive::Throttle(f64::from(expected).clamp(-1.0, 1.0))
+        );
+
+        let error =
+            |driver: NeuralDriver, model: Model| driver.with_throttle(model).err().unwrap().to_string();
+        let steers = new(&[Answer::Steering], 1).unwrap();
+        assert!(error(steers, with_answers(&[Answer::Steering], 3)).contains("found steering"));
+        let does_both = new(&[Answer::Steering, Answer::Throttle], 1).unwrap();
+        assert!(error(does_both, pedals.clone()).contains("found steering and throttle"));
+        let error = NeuralDriver::new(&gopigo(), pedals, NeuralOptions::default())
+            .err()
+            .unwrap();
+        assert!(error.to_string().contains("steering or curvature"));
+    }
+
+    #[test]
+    fn a_fixed_throttle_is_held_where_the_network_only_steers() {
+        let options = NeuralOptions {
+            throttle: Some(0.05),
+            ..NeuralOptions::default()
+        };
+        let drive = |answers: &[Answer]| {
+            let model = with_answers(answers, 1);
+            NeuralDriver::new(&gopigo(), model, options.clone())
+                .unwrap()
+                .drive(&picture(0))
+                .drive
+        };
+        assert_eq!(drive(&[Answer::Steering]), Drive::Throttle(0.05));
+        assert_ne!(
+            drive(&[Answer::Steering, Answer::Throttle]),
+            Drive::Throttle(0.05)
+        );
+        let options = NeuralOptions {
+            throttle: Some(1.5),
+            ..NeuralOptions::default()
+        };
+        let error = NeuralDriver::new(&gopigo(), with_answers(&[Answer::Steering], 1), options)
+            .err()
+            .unwrap();
+        assert!(error.to_string().contains("throttle"), "{error}");
+    }
+
+    #[test]
+    fn stacked_frames_begin_anew_after_a_gap() {
+        let network = Network::named("stacked-tinypilotnet").unwrap();
+        let model = Model {
+            weights: Weights::random(&network, 3),
+            input: InputSpec::for_network(&network, &View::default()).unwrap(),
+            network,
+            ..model(false)
+        };
+        let new = || NeuralDriver::new(&gopigo(), model.clone(), NeuralOptions::default()).unwrap();
+        let period_s = gopigo().period_s;
+        let at = |number: usize, periods: f64| {
+            let mut observation = picture(number);
+            observation.frames[0].stamp = Stamp::from_s(periods * period_s);
+            observation
+        };
+        let mut driver = new();
+        driver.drive(&at(0, 0.0));
+        let follows = driver.drive(&at(1, 1.0)).turn;
+        let after_gap = driver.drive(&at(1, 3.0)).turn;
+        assert_eq!(new().drive(&at(1, 0.0)).turn, after_gap);
+        assert_ne!(follows, after_gap);
     }
 }

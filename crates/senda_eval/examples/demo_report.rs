@@ -76,6 +76,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             course: None,
             command: "senda drive --world oval --vehicle gopigo --driver line --laps 1 --seed 1",
             frame_times_s: &times[i],
+            look: None,
         })
         .collect();
     let page = Page {

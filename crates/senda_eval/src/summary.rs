@@ -45,6 +45,10 @@ pub struct Summary {
     pub first_departure_s: Option<f64>,
     /// Where it first left (per cent of lap).
     pub first_departure_percent: Option<f64>,
+    /// How often a person would have taken over: further than a metre from the path, or out of the corridor.
+    pub interventions: u32,
+    /// NVIDIA's autonomy (0..=1): 1 - interventions · 6 s / time.
+    pub autonomy: Option<f64>,
     /// How often the driver lost the line or lane: not seen for half a second or longer ([`metrics::LOSS_S`]).
     pub lost: u32,
     /// How often it was missing for a frame or more, losses included.
@@ -117,6 +121,8 @@ impl Summary {
             departures: metrics.departures,
             first_departure_s: metrics.first_departure_s,
             first_departure_percent: metrics.first_departure_percent,
+            interventions: metrics.interventions,
+            autonomy: metrics.autonomy,
             lost: losses.lost,
             gaps: losses.gaps,
             found_rate: losses.found_rate,
@@ -238,6 +244,25 @@ impl Summary {
                     ),
                 ));
             }
+        }
+        if let Some(time_s) = self.first_departure_s {
+            let percent = self.first_departure_percent.map_or(String::new(), |percent| {
+                format!(", {} % of the lap", text::fixed(percent, 0))
+            });
+            rows.push((
+                "first left",
+                format!("after {} s{percent}", text::fixed(time_s, 2)),
+            ));
+        }
+        if let Some(autonomy) = self.autonomy.filter(|_| self.interventions > 0) {
+            rows.push((
+                "autonomy",
+                format!(
+                    "{} %: {} interventions of 6 s (NVIDIA's measure)",
+                    text::fixed(100.0 * autonomy, 1),
+                    self.interventions
+                ),
+            ));
         }
         if let Some(time_s) = self.lap_time_s {
             rows.push(("lap time", format!("{} s", text::fixed(time_s, 2))));

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use senda_core::{Body, Command, Driver, Observation, PrivilegedDriver, Vehicle};
 use senda_drivers::{Answer, ExpertDriver, ExpertOptions, NeuralDriver, NeuralOptions};
-use senda_nets::{InputSpec, Model};
+use senda_nets::{Eye, InputSpec, Model};
 use senda_run::Guard;
 use senda_sim::{Delivery, Pushes, SimOptions, Simulator, Start};
 use senda_world::VehicleSpec;
@@ -333,9 +333,8 @@ fn one(brief: &Brief, spec: &VehicleSpec, model: Option<&Model>, number: u64) ->
     samples.begin_run(&format!("{name}#{number}"), &name);
     let mut guard = Guard::new(&body);
     let mut observation = Observation::default();
-    let mut pixels = vec![0u8; input.len()];
     let mut targets = vec![0f32; answers.len()];
-    let mut preparer = None;
+    let mut eye = Eye::new(input);
     let mut station_m = None;
     let mut strayed = false;
     for step in 0..gathering.drive_frames + gathering.skip_frames {
@@ -361,17 +360,17 @@ fn one(brief: &Brief, spec: &VehicleSpec, model: Option<&Model>, number: u64) ->
             break;
         }
         let right = expert.drive_knowing(&observation, &truth);
-        if observation.first_frame().is_none() {
-            samples.skip();
-        }
-        if let (Some(frame), true) = (observation.first_frame(), step >= gathering.skip_frames) {
-            let preparer =
-                preparer.get_or_insert_with(|| input.preparer(frame.image.width(), frame.image.height()));
-            preparer.prepare_bytes(&frame.image, &mut pixels);
-            for (target, answer) in targets.iter_mut().zip(answers) {
-                *target = answer.target(&body, &right) as f32;
+        if let Some(frame) = observation.first_frame() {
+            let pixels = eye.see_bytes(&frame.image);
+            if step >= gathering.skip_frames {
+                for (target, answer) in targets.iter_mut().zip(answers) {
+                    *target = answer.target(&body, &right) as f32;
+                }
+                samples.push(pixels, &targets);
             }
-            samples.push(&pixels, &targets);
+        } else {
+            samples.skip();
+            eye.forget();
         }
         let command = match &mut network {
             Some(network) => {

@@ -5,9 +5,9 @@ use crate::{LearnError, Samples};
 use rayon::prelude::*;
 use senda_core::{Body, Drive, Image};
 use senda_data::{Recording, Step};
-use senda_drivers::Answer;
+use senda_drivers::{Answer, is_gap};
 use senda_geom::Camera;
-use senda_nets::InputSpec;
+use senda_nets::{FrameStack, InputSpec};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -165,7 +165,7 @@ fn add(
                     {
                         *preparer = Some(input.preparer(size[0], size[1]));
                     }
-                    let mut bytes = vec![0; input.len()];
+                    let mut bytes = vec![0; input.frame_len()];
                     preparer.as_mut()?.prepare_bytes(image, &mut bytes);
                     let targets: Vec<f32> = answers
                         .iter()
@@ -193,16 +193,18 @@ fn add(
         samples.begin_run(&label, &world);
         let mut broken = 0usize;
         let mut first = String::new();
+        let mut stack = FrameStack::new(input);
         for (number, frame) in prepared.into_iter().enumerate() {
             let before = number.checked_sub(1).map(|before| &kept[before]);
-            if before.is_some_and(|before| is_gap(body, before, &kept[number])) {
+            let is_gap = before.is_some_and(|before| is_gap(body, before.stamp, kept[number].stamp));
+            if is_gap || !matches!(frame, Some(Ok(_))) {
                 samples.skip();
+                stack.forget();
             }
             match frame {
-                None => samples.skip(),
-                Some(Ok((bytes, targets))) => samples.push(&bytes, &targets),
+                None => {}
+                Some(Ok((bytes, targets))) => samples.push(stack.push(&bytes), &targets),
                 Some(Err(reason)) => {
-                    samples.skip();
                     broken += 1;
                     if first.is_empty() {
                         first = reason;
@@ -218,15 +220,6 @@ fn add(
         }
     }
     Ok(())
-}
-
-/// Frames further apart than so many periods do not follow each other: between the jitter of real cameras and one lost frame.
-const GAP_PERIODS: f64 = 1.75;
-
-/// Whether frames are missing between two steps: edits took them out, or the camera lost them.
-fn is_gap(body: &Body, before: &Step, after: &Step) -> bool {
-    let apart_ns = after.stamp.ns.saturating_sub(before.stamp.ns);
-    apart_ns as f64 * 1e-9 > GAP_PERIODS * body.period_s
 }
 
 /// Slower than this a car whose pedal is released stands (m/s).

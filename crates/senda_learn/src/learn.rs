@@ -5,7 +5,7 @@ use crate::correct::{self, Brief, Gathered, Gathering};
 use crate::train::{Epoch, Lesson, News, Training, train};
 use crate::{LearnError, Samples, store};
 use senda_drivers::Answer;
-use senda_nets::{Colour, Crop, InputSpec, Model, Network, Provenance, Weights};
+use senda_nets::{Colour, Crop, Edges, InputSpec, Model, Network, Provenance, View, Weights};
 use senda_run::sweep::{self, Plan};
 use senda_run::{Ears, Scenario};
 use serde::{Deserialize, Serialize};
@@ -21,6 +21,10 @@ pub struct Learning {
     pub colour: Option<Colour>,
     /// What is cut off the camera's frame.
     pub crop: Crop,
+    /// Edges that are added to what the network sees.
+    pub edges: Option<Edges>,
+    /// Frames that it is shown at once; left out: what its file says.
+    pub stack: Option<usize>,
     /// What the network answers.
     pub answers: Vec<Answer>,
     /// Frames that the expert drives.
@@ -72,6 +76,8 @@ impl Default for Learning {
                 top: 0.25,
                 ..Crop::default()
             },
+            edges: None,
+            stack: None,
             answers: vec![Answer::Steering],
             expert_frames: 4000,
             rounds: 4,
@@ -115,27 +121,26 @@ impl Learning {
         if let Some([width, height]) = self.gathering.image_px {
             spec = spec.with_camera_size(width, height);
         }
-        let mut input = InputSpec {
+        let view = View {
+            colour: self.colour,
             crop: self.crop,
+            edges: self.edges,
+            stack: self.stack,
+        };
+        let input = InputSpec::for_network(network, &view).map_err(|fault| LearnError::Option {
+            key: "colour, crop, edges or stack",
+            expected: "an input that fits the network".into(),
+            found: fault,
+        })?;
+        Ok(InputSpec {
             camera: spec
                 .body()
                 .cameras
                 .first()
                 .filter(|_| self.gathering.cameras.is_none())
                 .cloned(),
-            ..InputSpec::of(network.input())
-        };
-        if let Some(colour) = self.colour {
-            input.colour = colour;
-        }
-        match input.fault(network.input()) {
-            Some(fault) => Err(LearnError::Option {
-                key: "colour or crop",
-                expected: "an input that fits the network".into(),
-                found: fault,
-            }),
-            None => Ok(input),
-        }
+            ..input
+        })
     }
 
     fn check(&self) -> Result<(), LearnError> {

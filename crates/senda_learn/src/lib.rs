@@ -29,6 +29,7 @@ pub mod detector;
 mod error;
 pub mod gather;
 pub mod learn;
+pub mod offline;
 mod order;
 pub mod quantise;
 mod samples;

@@ -37,6 +37,8 @@ impl Network {
             name: self.name().to_owned(),
             description: self.description().to_owned(),
             input: self.input(),
+            colour: self.colour(),
+            stack: self.stack(),
             layers: Vec::new(),
         };
         let mut values: Vec<Vec<f32>> = Vec::new();

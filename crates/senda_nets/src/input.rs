@@ -1,13 +1,14 @@
-//! How a camera frame becomes a network's input: one way for training and driving.
+//! What a network sees of a camera frame, as data: [`crate::Preparer`] and [`crate::Eye`] do it, for training and driving alike.
 
-use crate::network::Shape;
-use senda_core::{Channels, Image};
+use crate::network::{Network, Shape};
+use crate::preparer::Preparer;
 use senda_geom::Camera;
 use serde::{Deserialize, Serialize};
 
 /// What a network sees of a camera frame. In a model file it says all that a driver needs.
 ///
-/// The frame is cropped, shrunk by averaging areas (enlarged linearly), taken to the colour space and rounded to bytes; a network's input is
+/// The frame is cropped, shrunk by averaging areas (enlarged linearly), taken to the colour space and rounded to bytes; edges are
+/// added if wanted, and the frames before it stand before it if the network is shown several. A network's input is
 /// `byte * scale + offset`, channel after channel, row after row.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -16,11 +17,18 @@ pub struct InputSpec {
     pub width: usize,
     /// Height (px).
     pub height: usize,
-    /// Colour space; its number of channels is the network's.
+    /// Colour space; its number of channels times `stack` is the network's.
     pub colour: Colour,
     /// What is cut off before.
     #[serde(default)]
     pub crop: Crop,
+    /// Edges that are added to the shrunk frame (B3 in SPEC: prefix Edge).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edges: Option<Edges>,
+    /// How many frames the network is shown at once, the newest last. 1: no more than the present one. At the beginning of a run
+    /// and after a gap the first frame stands for those before it.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub stack: usize,
     /// Value of a byte: factor. 2/255 for -1..1.
     #[serde(default = "two_255ths")]
     pub scale: f32,
@@ -30,6 +38,14 @@ pub struct InputSpec {
     /// The camera that it was trained with; `None`: nobody knows, any camera is accepted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<Camera>,
+}
+
+fn one() -> usize {
+    1
+}
+
+fn is_one(count: &usize) -> bool {
+    *count == 1
 }
 
 fn two_255ths() -> f32 {
@@ -61,6 +77,22 @@ impl Colour {
             Self::Grey | Self::Saturation => 1,
         }
     }
+
+    /// The word that files use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rgb => "rgb",
+            Self::Grey => "grey",
+            Self::Saturation => "saturation",
+        }
+    }
+
+    /// By the word that files use.
+    pub fn named(word: &str) -> Option<Self> {
+        [Self::Rgb, Self::Grey, Self::Saturation]
+            .into_iter()
+            .find(|colour| colour.name() == word)
+    }
 }
 
 /// Parts of the frame (0..1 of its height or width) that are cut off.
@@ -77,8 +109,73 @@ pub struct Crop {
     pub right: f64,
 }
 
+/// Edges to be added to a network's input, as document B does it: Canny's detector finds them on the saturation of the whole frame,
+/// they are shrunk like the picture, and both are summed (at most 255), every channel alike.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Edges {
+    /// Canny's lower threshold, in the units of Sobel's kernels (a step of one grey level is 4).
+    pub low: u16,
+    /// Canny's upper threshold.
+    pub high: u16,
+}
+
+impl Default for Edges {
+    /// The document does not tell; OpenCV's example has these.
+    fn default() -> Self {
+        Self { low: 100, high: 200 }
+    }
+}
+
+/// What an experiment says about the preparation of frames; what it leaves open, the network decides.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct View {
+    /// Colour space.
+    pub colour: Option<Colour>,
+    /// What is cut off.
+    pub crop: Crop,
+    /// Edges that are added.
+    pub edges: Option<Edges>,
+    /// Frames that the network is shown at once.
+    pub stack: Option<usize>,
+}
+
+/// Frames shown at once: half a second of a fast camera is more than any driver here uses (a guess).
+pub(crate) const LARGEST_STACK: usize = 16;
+
 impl InputSpec {
-    /// For a network's input: -1..1, nothing cut off. One channel is grey, three are red, green, blue.
+    /// For a network, where an experiment leaves open what the network's file says about its input.
+    ///
+    /// # Errors
+    /// What does not fit, in words.
+    pub fn for_network(network: &Network, view: &View) -> Result<Self, String> {
+        let stack = view.stack.unwrap_or(network.stack());
+        let shape = network.input();
+        if !(1..=LARGEST_STACK).contains(&stack) || !shape.channels.is_multiple_of(stack) {
+            return Err(format!(
+                "stack: expected 1 to {LARGEST_STACK} frames that share the network's {} channels, but found {stack}",
+                shape.channels
+            ));
+        }
+        let of_frame = Self::of(Shape {
+            channels: shape.channels / stack,
+            ..shape
+        });
+        let spec = Self {
+            colour: view.colour.or(network.colour()).unwrap_or(of_frame.colour),
+            crop: view.crop,
+            edges: view.edges,
+            stack,
+            ..of_frame
+        };
+        match spec.fault(shape) {
+            Some(fault) => Err(fault),
+            None => Ok(spec),
+        }
+    }
+
+    /// For an input of this shape: -1..1, nothing cut off. One channel is grey, three are red, green, blue.
     pub fn of(shape: Shape) -> Self {
         Self {
             width: shape.width,
@@ -89,15 +186,22 @@ impl InputSpec {
                 Colour::Grey
             },
             crop: Crop::default(),
+            edges: None,
+            stack: 1,
             scale: two_255ths(),
             offset: minus_one(),
             camera: None,
         }
     }
 
-    /// Number of channels.
+    /// Number of channels of all frames that the network is shown at once.
     pub fn channels(&self) -> usize {
-        self.colour.channels()
+        self.colour.channels() * self.stack
+    }
+
+    /// Bytes of one frame.
+    pub fn frame_len(&self) -> usize {
+        self.colour.channels() * self.height * self.width
     }
 
     /// Values of one input.
@@ -130,6 +234,19 @@ impl InputSpec {
                 "expected a crop that leaves a twentieth of the frame each way, but found {parts:?}"
             ));
         }
+        if !(1..=LARGEST_STACK).contains(&self.stack) {
+            return Some(format!(
+                "stack: expected 1 to {LARGEST_STACK} frames, but found {}",
+                self.stack
+            ));
+        }
+        if let Some(Edges { low, high }) = self.edges
+            && (low > high || high == 0)
+        {
+            return Some(format!(
+                "edges: expected a lower threshold up to the upper one, which is above 0, but found {low} and {high}"
+            ));
+        }
         if !(self.scale.is_finite() && self.offset.is_finite() && self.scale != 0.0) {
             return Some(format!(
                 "expected a finite scale other than 0 and a finite offset, but found {} and {}",
@@ -144,18 +261,7 @@ impl InputSpec {
     /// # Panics
     /// When the size is 0.
     pub fn preparer(&self, frame_width: usize, frame_height: usize) -> Preparer {
-        assert!(
-            frame_width > 0 && frame_height > 0,
-            "expected a frame with pixels"
-        );
-        Preparer {
-            spec: self.clone(),
-            frame: [frame_width, frame_height],
-            columns: taps(frame_width, self.crop.left, self.crop.right, self.width),
-            rows: taps(frame_height, self.crop.top, self.crop.bottom, self.height),
-            sums: vec![0; 3 * frame_width],
-            bytes: vec![0; self.len()],
-        }
+        Preparer::new(self, frame_width, frame_height)
     }
 
     /// Bytes to the values that the network takes; both of the same length.
@@ -166,218 +272,9 @@ impl InputSpec {
     }
 }
 
-/// Which source pixels make one target pixel, and how much of each (parts of 4096, sum 4096).
-#[derive(Debug, Clone, PartialEq)]
-struct Tap {
-    first: usize,
-    weights: Vec<u32>,
-}
-
-const ONE: u32 = 4096;
-
-fn taps(length: usize, cut_before: f64, cut_after: f64, count: usize) -> Vec<Tap> {
-    let from = cut_before * length as f64;
-    let size = (length as f64 * (1.0 - cut_after) - from).max(1.0) / count.max(1) as f64;
-    if size < 1.0 {
-        return enlarging_taps(length, from, size, count);
-    }
-    (0..count)
-        .map(|i| {
-            let low = (from + i as f64 * size).clamp(0.0, length as f64 - 1e-6);
-            let high = (from + (i + 1) as f64 * size).clamp(low + 1e-6, length as f64);
-            let first = low as usize;
-            let last = (high.ceil() as usize).clamp(first + 1, length);
-            let mut weights: Vec<u32> = (first..last)
-                .map(|at| {
-                    let covered = (high.min(at as f64 + 1.0) - low.max(at as f64)).max(0.0);
-                    (covered / (high - low) * f64::from(ONE)).round() as u32
-                })
-                .collect();
-            // Rounding errors go to the largest weight: a uniform frame stays uniform.
-            let sum: u32 = weights.iter().sum();
-            if let Some(largest) = weights.iter_mut().max() {
-                *largest = *largest + ONE - sum;
-            }
-            Tap { first, weights }
-        })
-        .collect()
-}
-
-/// Where a target pixel is smaller than a source pixel: linear between the two nearest.
-fn enlarging_taps(length: usize, from: f64, size: f64, count: usize) -> Vec<Tap> {
-    (0..count)
-        .map(|i| {
-            let centre = (from + (i as f64 + 0.5) * size - 0.5).clamp(0.0, (length - 1) as f64);
-            let first = (centre as usize).min(length.saturating_sub(2));
-            let second = ((centre - first as f64) * f64::from(ONE)).round() as u32;
-            let weights = if length > 1 {
-                vec![ONE - second, second]
-            } else {
-                vec![ONE]
-            };
-            Tap { first, weights }
-        })
-        .collect()
-}
-
-/// Prepares frames of one size; allocates nothing per frame.
-#[derive(Debug, Clone)]
-pub struct Preparer {
-    spec: InputSpec,
-    frame: [usize; 2],
-    columns: Vec<Tap>,
-    rows: Vec<Tap>,
-    sums: Vec<u32>,
-    bytes: Vec<u8>,
-}
-
-impl Preparer {
-    /// Width and height of the frames that it takes.
-    pub fn frame_size(&self) -> [usize; 2] {
-        self.frame
-    }
-
-    /// A frame as bytes, channel after channel: what training keeps.
-    ///
-    /// # Panics
-    /// When the frame or the target has another size.
-    pub fn prepare_bytes(&mut self, image: &Image, bytes: &mut [u8]) {
-        assert_eq!(
-            [image.width(), image.height()],
-            self.frame,
-            "a frame of another size"
-        );
-        assert_eq!(bytes.len(), self.spec.len(), "a target of another size");
-        let in_channels = image.channels().count();
-        let row_len = in_channels * image.width();
-        let plane = self.spec.width * self.spec.height;
-        for (v, tap) in self.rows.iter().enumerate() {
-            let sums = &mut self.sums[..row_len];
-            sums.fill(0);
-            for (offset, weight) in tap.weights.iter().enumerate() {
-                for (sum, byte) in sums.iter_mut().zip(image.row(tap.first + offset)) {
-                    *sum += weight * u32::from(*byte);
-                }
-            }
-            for (u, tap) in self.columns.iter().enumerate() {
-                let mut colour = [0u32; 3];
-                for (offset, weight) in tap.weights.iter().enumerate() {
-                    let at = (tap.first + offset) * in_channels;
-                    for (channel, total) in colour.iter_mut().enumerate().take(in_channels) {
-                        // At most 255 * 4096 * 4096, which fits.
-                        *total += weight * sums[at + channel];
-                    }
-                }
-                let [r, g, b] = colour.map(|total| (total + (1 << 23)) >> 24);
-                let [r, g, b] = match image.channels() {
-                    Channels::Gray => [r, r, r],
-                    Channels::Rgb => [r, g, b],
-                };
-                let at = v * self.spec.width + u;
-                match self.spec.colour {
-                    Colour::Rgb => {
-                        bytes[at] = r as u8;
-                        bytes[plane + at] = g as u8;
-                        bytes[2 * plane + at] = b as u8;
-                    }
-                    // Parts of 1000 with rounding; 255 stays 255.
-                    Colour::Grey => bytes[at] = ((299 * r + 587 * g + 114 * b + 500) / 1000) as u8,
-                    Colour::Saturation => {
-                        let most = r.max(g).max(b);
-                        let spread = most - r.min(g).min(b);
-                        bytes[at] = ((255 * spread + most / 2).checked_div(most).unwrap_or(0)) as u8;
-                    }
-                }
-            }
-        }
-    }
-
-    /// A frame as the values that the network takes.
-    ///
-    /// # Panics
-    /// As [`Preparer::prepare_bytes`].
-    pub fn prepare(&mut self, image: &Image, values: &mut [f32]) {
-        let mut bytes = std::mem::take(&mut self.bytes);
-        self.prepare_bytes(image, &mut bytes);
-        self.spec.normalise(&bytes, values);
-        self.bytes = bytes;
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
-
-    fn spec(width: usize, height: usize, colour: Colour) -> InputSpec {
-        InputSpec {
-            colour,
-            ..InputSpec::of(Shape {
-                channels: colour.channels(),
-                height,
-                width,
-            })
-        }
-    }
-
-    fn uniform(width: usize, height: usize, colour: [u8; 3]) -> Image {
-        let pixels = colour.iter().copied().cycle().take(3 * width * height).collect();
-        Image::from_pixels(width, height, Channels::Rgb, pixels).unwrap()
-    }
-
-    proptest! {
-        #[test]
-        fn uniform_frames_stay_uniform(
-            (w, h) in (1usize..70, 1usize..50), (tw, th) in (1usize..40, 1usize..40),
-            top in 0.0..0.6f64, left in 0.0..0.4f64, colour in any::<[u8; 3]>(),
-        ) {
-            let mut spec = spec(tw, th, Colour::Rgb);
-            spec.crop = Crop { top, left, ..Crop::default() };
-            let mut bytes = vec![0; spec.len()];
-            spec.preparer(w, h).prepare_bytes(&uniform(w, h, colour), &mut bytes);
-            for (channel, value) in colour.iter().enumerate() {
-                prop_assert!(bytes[channel * tw * th..(channel + 1) * tw * th].iter().all(|byte| byte == value));
-            }
-        }
-
-        #[test]
-        fn shrinking_by_whole_numbers_is_the_mean(pixels in prop::collection::vec(any::<u8>(), 12 * 8)) {
-            let image = Image::from_pixels(12, 8, Channels::Gray, pixels.clone()).unwrap();
-            let spec = spec(3, 2, Colour::Grey);
-            let mut bytes = vec![0; 6];
-            spec.preparer(12, 8).prepare_bytes(&image, &mut bytes);
-            for (i, byte) in bytes.iter().enumerate() {
-                let (u, v) = (i % 3, i / 3);
-                let sum: u32 = (0..16).map(|k| u32::from(pixels[(4 * v + k / 4) * 12 + 4 * u + k % 4])).sum();
-                prop_assert!((f64::from(sum) / 16.0 - f64::from(*byte)).abs() <= 0.51);
-            }
-        }
-    }
-
-    #[test]
-    fn cropping_cuts_where_it_says() {
-        let mut image = Image::new(4, 4, Channels::Gray);
-        image.row_mut(3).copy_from_slice(&[10, 20, 30, 40]);
-        let mut spec = spec(2, 1, Colour::Grey);
-        spec.crop = Crop {
-            top: 0.75,
-            left: 0.5,
-            ..Crop::default()
-        };
-        let mut bytes = [0; 2];
-        spec.preparer(4, 4).prepare_bytes(&image, &mut bytes);
-        assert_eq!(bytes, [30, 40]);
-    }
-
-    #[test]
-    fn saturation_is_that_of_hsv_and_values_span_minus_one_to_one() {
-        let spec = spec(1, 1, Colour::Saturation);
-        let mut values = [0.0];
-        for (colour, expected) in [([255, 0, 0], 1.0), ([80, 80, 80], -1.0), ([0, 0, 0], -1.0)] {
-            spec.preparer(5, 5).prepare(&uniform(5, 5, colour), &mut values);
-            assert!((values[0] - expected).abs() < 1e-6, "{colour:?} {values:?}");
-        }
-    }
 
     #[test]
     fn faults_are_named() {
@@ -388,13 +285,62 @@ mod tests {
         };
         assert_eq!(InputSpec::of(shape).fault(shape), None);
         assert!(
-            spec(200, 66, Colour::Grey)
-                .fault(shape)
-                .unwrap()
-                .contains("3 channels")
+            InputSpec {
+                colour: Colour::Grey,
+                ..InputSpec::of(shape)
+            }
+            .fault(shape)
+            .unwrap()
+            .contains("3 channels")
         );
         let mut cut = InputSpec::of(shape);
         cut.crop.top = 0.96;
         assert!(cut.fault(shape).unwrap().contains("crop"));
+    }
+
+    #[test]
+    fn what_an_experiment_leaves_open_the_network_says() {
+        let spec = |name: &str, view: View| InputSpec::for_network(&Network::named(name).unwrap(), &view);
+        let plain = spec("tinypilotnet", View::default()).unwrap();
+        assert_eq!((plain.colour, plain.stack), (Colour::Saturation, 1));
+        let rgb = spec("tinypilotnet-rgb", View::default()).unwrap();
+        assert_eq!(rgb.colour, Colour::Rgb);
+        let stacked = spec("stacked-tinypilotnet", View::default()).unwrap();
+        assert_eq!(
+            (stacked.colour, stacked.stack, stacked.channels()),
+            (Colour::Saturation, 4, 4)
+        );
+        let grey = View {
+            colour: Some(Colour::Grey),
+            edges: Some(Edges::default()),
+            ..View::default()
+        };
+        let grey = spec("tinypilotnet", grey).unwrap();
+        assert_eq!((grey.colour, grey.edges), (Colour::Grey, Some(Edges::default())));
+        let stack = |stack| View {
+            stack: Some(stack),
+            ..View::default()
+        };
+        assert!(spec("tinypilotnet", stack(0)).unwrap_err().contains("stack"));
+        assert!(spec("tinypilotnet", stack(2)).unwrap_err().contains("1 channels"));
+        assert!(
+            spec("stacked-tinypilotnet", stack(2))
+                .unwrap_err()
+                .contains("4 channels")
+        );
+        let edges = View {
+            edges: Some(Edges { low: 9, high: 3 }),
+            ..View::default()
+        };
+        assert!(spec("tinypilotnet", edges).unwrap_err().contains("9 and 3"));
+    }
+
+    /// Files of models that were written before there were edges and stacks.
+    #[test]
+    fn old_specifications_are_read_and_plain_ones_written_as_they_were() {
+        let old = r#"{"width":32,"height":16,"colour":"saturation","crop":{"top":0.0,"bottom":0.0,"left":0.0,"right":0.0},"scale":0.007843138,"offset":-1.0}"#;
+        let spec: InputSpec = serde_json::from_str(old).unwrap();
+        assert_eq!((spec.edges, spec.stack), (None, 1));
+        assert_eq!(serde_json::to_string(&spec).unwrap(), old);
     }
 }

@@ -1,16 +1,14 @@
 //! Networks as files, and a small engine that trains and runs them on the CPU with the same bits on every machine.
 //!
 //! ```
-//! use senda_nets::{Inference, InputSpec, Network, TrainOptions, Trainer, Weights};
+//! use senda_nets::{Eye, Inference, InputSpec, Network, TrainOptions, Trainer, Weights};
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let network = Network::named("tinypilotnet")?;
 //! assert_eq!(network.parameter_count(), 761);
 //!
 //! // Frames become planar inputs: channel, row, column. Batches are concatenated.
-//! let spec = InputSpec::of(network.input());
-//! let mut preparer = spec.preparer(320, 240);
-//! let mut input = vec![0.0; spec.len()];
-//! preparer.prepare(&senda_core::Image::new(320, 240, senda_core::Channels::Rgb), &mut input);
+//! let mut eye = Eye::new(&InputSpec::of(network.input()));
+//! let input = eye.see(&senda_core::Image::new(320, 240, senda_core::Channels::Rgb)).to_vec();
 //!
 //! let mut trainer = Trainer::new(network.clone(), Weights::random(&network, 1), TrainOptions::default())?;
 //! let before = trainer.step(&input, &[0.25], None);
@@ -51,8 +49,10 @@ mod model;
 mod network;
 mod onnx;
 mod parse;
+mod preparer;
 mod quantised;
 mod safetensors;
+mod saliency;
 mod text;
 mod trainer;
 mod weights;
@@ -66,10 +66,12 @@ pub use detection::{
 };
 pub use error::{NetworkError, Problem};
 pub use inference::Inference;
-pub use input::{Colour, Crop, InputSpec, Preparer};
+pub use input::{Colour, Crop, Edges, InputSpec, View};
 pub use model::{CameraMismatch, Model, ModelError, OutputSpec, Provenance};
 pub use network::{Activation, Kind, Layer, Network, Padding, Shape, Tensor};
 pub use onnx::{Imported, OnnxError};
+pub use preparer::{Eye, FrameStack, Preparer};
 pub use quantised::{Grid, QuantiseError};
+pub use saliency::{Gaze, Saliency, heat, overlay};
 pub use trainer::{Loss, TrainError, TrainOptions, Trainer};
 pub use weights::{Initialisation, Weights};

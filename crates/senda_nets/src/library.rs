@@ -18,7 +18,9 @@ const NETWORKS: &[(&str, &str)] = files!("networks":
     "tinypilotnet-rgb",
     "tinypilotnet-rgb-20x40",
     "tinypilotnet-rgb-64x128",
+    "stacked-tinypilotnet",
     "lstm-tinypilotnet",
+    "early-lstm-tinypilotnet",
     "deeperlstm-tinypilotnet",
     "deepestlstm-tinypilotnet",
     "mobilenetv2-head",
@@ -50,7 +52,12 @@ impl Network {
     /// # Errors
     /// When the shapes no longer fit; the line is one of [`Network::to_toml`].
     pub fn with_input(&self, input: Shape) -> Result<Self, NetworkError> {
-        self.rewritten(|parts| parts.input = input)
+        self.rewritten(|parts| {
+            if input.channels != parts.input.channels {
+                (parts.colour, parts.stack) = (None, 1);
+            }
+            parts.input = input;
+        })
     }
 
     /// The same layers with another number of outputs in the last dense layer (B4: steering alone, or with speed).
@@ -98,6 +105,8 @@ impl Network {
             name: self.parts.name.clone(),
             description: self.parts.description.clone(),
             input: self.parts.input,
+            colour: self.parts.colour,
+            stack: self.parts.stack,
             layers: self.parts.layers.clone(),
         };
         change(&mut parts);

@@ -1,6 +1,7 @@
 //! A network as data: a list of layers with checked shapes.
 
 use crate::error::NetworkError;
+use crate::input::Colour;
 use crate::parse;
 use std::path::Path;
 use std::sync::Arc;
@@ -310,6 +311,8 @@ pub(crate) struct Parts {
     pub(crate) name: String,
     pub(crate) description: String,
     pub(crate) input: Shape,
+    pub(crate) colour: Option<Colour>,
+    pub(crate) stack: usize,
     pub(crate) layers: Vec<Layer>,
 }
 
@@ -354,6 +357,16 @@ impl Network {
     /// Shape of one input.
     pub fn input(&self) -> Shape {
         self.parts.input
+    }
+
+    /// Colour space of its input, where its file says; experiments may say otherwise.
+    pub fn colour(&self) -> Option<Colour> {
+        self.parts.colour
+    }
+
+    /// Frames that its input's channels are shared out among.
+    pub fn stack(&self) -> usize {
+        self.parts.stack
     }
 
     /// Values of one output.

@@ -1,6 +1,7 @@
 //! From TOML to a checked list of layers.
 
 use crate::error::{NetworkError, nearest_names};
+use crate::input::{Colour, LARGEST_STACK};
 use crate::network::{Activation, Kind, Layer, Network, Padding, Parts, Shape, Tensor};
 use senda_toml::WordOrNumbers;
 use std::sync::Arc;
@@ -21,6 +22,8 @@ const KINDS: &[&str] = &[
     "add",
     "convolutional_lstm",
 ];
+
+const COLOURS: &[&str] = &["rgb", "grey", "saturation"];
 
 const ACTIVATIONS: &[&str] = &["linear", "relu", "leaky_relu", "relu6", "elu", "sigmoid", "tanh"];
 
@@ -47,6 +50,32 @@ pub(crate) fn parse(source_name: &str, toml: &str) -> Result<Network, NetworkErr
         width: table.required_whole("width", 1, LARGEST_SIZE)?,
         channels: table.required_whole("channels", 1, LARGEST_SIZE)?,
     };
+    let colour = table
+        .optional_word("colour", COLOURS)?
+        .and_then(|word| Colour::named(word));
+    let stack = table.optional_whole("stack", 1, LARGEST_STACK)?.unwrap_or(1);
+    if let Some(colour) = colour
+        && colour.channels() * stack != input.channels
+    {
+        return Err(table.problem(
+            "channels",
+            format!(
+                "{}: {stack} frames of {}",
+                colour.channels() * stack,
+                colour.channels()
+            ),
+            input.channels.to_string(),
+            "",
+        ));
+    }
+    if !input.channels.is_multiple_of(stack) {
+        return Err(table.problem(
+            "stack",
+            format!("frames that share {} channels evenly", input.channels),
+            stack.to_string(),
+            "",
+        ));
+    }
     table.finish()?;
     if input.len() > MOST_VALUES {
         return Err(table.problem("", format!("at most {MOST_VALUES} values"), input.to_string(), ""));
@@ -85,6 +114,8 @@ pub(crate) fn parse(source_name: &str, toml: &str) -> Result<Network, NetworkErr
             name,
             description,
             input,
+            colour,
+            stack,
             layers: builder.layers,
         }),
     })

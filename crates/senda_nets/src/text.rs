@@ -16,6 +16,12 @@ impl Network {
             "\n[input]\nheight = {}\nwidth = {}\nchannels = {}",
             input.height, input.width, input.channels
         );
+        if let Some(colour) = self.colour() {
+            let _ = writeln!(out, "colour = {}", quoted(colour.name()));
+        }
+        if self.stack() > 1 {
+            let _ = writeln!(out, "stack = {}", self.stack());
+        }
         for (index, layer) in self.layers().iter().enumerate() {
             let _ = writeln!(
                 out,

@@ -1,7 +1,7 @@
 //! After the first call nothing on the hot paths asks for memory.
 
 use senda_core::{Channels, Image};
-use senda_nets::{Inference, InputSpec, Network, Shape, TrainOptions, Trainer, Weights};
+use senda_nets::{Edges, Eye, Inference, InputSpec, Network, Shape, TrainOptions, Trainer, Weights};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -72,13 +72,20 @@ fn steps_and_frames_allocate_nothing() {
             assert_eq!(count, 0, "{} with {threads} threads", network.name());
         }
     }
-    let spec = InputSpec::of(Shape {
-        channels: 3,
-        height: 66,
-        width: 200,
-    });
+    let spec = InputSpec {
+        edges: Some(Edges::default()),
+        stack: 2,
+        ..InputSpec::of(Shape {
+            channels: 3,
+            height: 66,
+            width: 200,
+        })
+    };
     let frame = Image::new(320, 240, Channels::Rgb);
-    let mut preparer = spec.preparer(320, 240);
-    let mut input = vec![0.0; spec.len()];
-    assert_eq!(allocations(|| preparer.prepare(&frame, &mut input)), 0);
+    let mut eye = Eye::new(&spec);
+    eye.see(&frame);
+    let count = allocations(|| {
+        eye.see(&frame);
+    });
+    assert_eq!(count, 0);
 }

@@ -16,6 +16,9 @@ use std::path::Path;
 /// The name of a person's drive in scenarios and recordings.
 pub const MANUAL: &str = "manual";
 
+/// The network driver's option that names a second network, for the pedals.
+const THROTTLE_MODEL: &str = "throttle_model";
+
 /// The mission's option that names what finds signs and lights: [`CLASSICAL`], or the file of a trained network.
 pub(crate) const DETECTOR: &str = "detector";
 /// Signs and lights by colours and shapes.
@@ -41,7 +44,7 @@ pub const DRIVERS: [(&str, &str); 7] = [
     ),
     (
         "neural",
-        "does what a trained network answers (option `model`: its file)",
+        "does what a trained network answers (option `model`: its file; `throttle_model`: a second one's for the pedals)",
     ),
     (
         "mission",
@@ -94,9 +97,25 @@ impl Pilot {
                         });
                     }
                 };
+                let throttle_model = match options.remove(THROTTLE_MODEL) {
+                    None => None,
+                    Some(toml::Value::String(path)) => Some(Model::load(Path::new(&path))?),
+                    Some(other) => {
+                        return Err(RunError::DriverOptions {
+                            driver: name.to_owned(),
+                            reason: format!(
+                                "{THROTTLE_MODEL}: expected a model file in quotes, but found {other}"
+                            ),
+                        });
+                    }
+                };
                 let mut options: NeuralOptions = parse_options(name, &options)?;
                 options.set_speed(speed_mps);
-                Self::Driver(Box::new(NeuralDriver::new(body, model, options)?))
+                let driver = NeuralDriver::new(body, model, options)?;
+                Self::Driver(Box::new(match throttle_model {
+                    Some(model) => driver.with_throttle(model)?,
+                    None => driver,
+                }))
             }
             "mission" => {
                 let mut options = options.clone();

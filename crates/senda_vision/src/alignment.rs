@@ -12,8 +12,8 @@
 //! not mind other light; then the shift, turn and scale that most of them agree on is taken, so that what was moved in the room,
 //! shadows and wrong matches do not count.
 
-use crate::edges::{Gradients, sobel};
 use crate::luminance::luminance;
+use senda_core::edges::{Gradients, sobel};
 use senda_core::{Channels, Image};
 use senda_geom::{Vec2, trig};
 

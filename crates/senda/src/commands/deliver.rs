@@ -67,6 +67,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         None,
         arguments.record.as_deref(),
         arguments.report.as_deref(),
+        None,
     )?;
     let delivery = summary.delivery.as_ref().with_context(|| {
         format!(

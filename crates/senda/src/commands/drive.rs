@@ -193,6 +193,9 @@ pub(crate) struct Arguments {
     /// Write a report (one HTML file)
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+    /// Show in the report's player what the network at the wheel looks at (VisualBackProp)
+    #[arg(long, requires = "report")]
+    look: bool,
     /// Print the summary as JSON
     #[arg(long)]
     json: bool,
@@ -206,7 +209,18 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         (None, true) => Some(PathBuf::from("recordings")),
         (folder, _) => folder.clone(),
     };
-    let summary = drive_and_keep(&scenario, hands, record.as_deref(), arguments.report.as_deref())?;
+    let model = match (arguments.look, scenario.driver_options.get("model")) {
+        (false, _) => None,
+        (true, Some(toml::Value::String(model))) if scenario.driver == "neural" => Some(PathBuf::from(model)),
+        (true, _) => bail!("--look: expected a network at the wheel: --driver neural --model FILE"),
+    };
+    let summary = drive_and_keep(
+        &scenario,
+        hands,
+        record.as_deref(),
+        arguments.report.as_deref(),
+        model.as_deref(),
+    )?;
     if arguments.json {
         terminal::print(&serde_json::to_string_pretty(&summary)?)?;
     } else {
@@ -215,12 +229,14 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Drives a scenario behind a progress bar, with its recording and report where they are asked for.
+/// Drives a scenario behind a progress bar, with its recording and report where they are asked for; the report's player shows what
+/// the model in `look` looks at.
 pub(crate) fn drive_and_keep(
     scenario: &Scenario,
     hands: Option<Prepared>,
     record: Option<&Path>,
     report: Option<&Path>,
+    look: Option<&Path>,
 ) -> Result<Summary> {
     let began_ns = terminal::clock_ns();
     let is_watched = matches!(hands, Some(Prepared::Person(_)));
@@ -262,7 +278,11 @@ pub(crate) fn drive_and_keep(
             scenario.driver, scenario.vehicle, scenario.world
         );
         let (summary, frame_times_ns) = (outcome.summary.clone(), outcome.frame_times_ns);
+        let look = look
+            .map(|model| super::look::for_player(model, &recording))
+            .transpose()?;
         let run = PageRun {
+            look,
             recording,
             summary,
             frame_times_ns,

@@ -4,8 +4,10 @@ use super::{
     drive::parse_size,
     sweep::{Output, drive_all},
 };
+use crate::terminal;
 use anyhow::Result;
 use clap::Args;
+use senda_learn::offline;
 use senda_run::Scenario;
 use senda_run::sweep::{Plan, StartSpread};
 use std::path::PathBuf;
@@ -49,6 +51,9 @@ pub(crate) struct Arguments {
     /// Seed
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
+    /// Do not drive: compare frame by frame with what was done in these recordings or other data (B6), in each output's own unit
+    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    against: Vec<PathBuf>,
     /// Also drive the hand-coded lane follower over the same worlds
     #[arg(long)]
     beside_lane: bool,
@@ -68,7 +73,10 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     // A model that cannot be used is told once, not once a run.
-    senda_nets::Model::load(&arguments.model)?;
+    let model = senda_nets::Model::load(&arguments.model)?;
+    if !arguments.against.is_empty() {
+        return compare(&model, &arguments);
+    }
     let world = arguments.worlds.first().map_or("unseen-1", String::as_str);
     let mut base = Scenario::new(world, &arguments.vehicle, "neural");
     base.seed = arguments.seed;
@@ -105,6 +113,39 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         plan.base.driver = "lane".to_owned();
         plan.base.driver_options.clear();
         drive_all(&plan, &output(None, None))?;
+    }
+    Ok(())
+}
+
+/// Frame by frame against what was done.
+fn compare(model: &senda_nets::Model, arguments: &Arguments) -> Result<()> {
+    let body = senda_run::scenario::find_vehicle(&arguments.vehicle)?.body();
+    let bar = terminal::bar("reading");
+    let (outputs, warnings) = offline::against_recordings(
+        model,
+        &arguments.against,
+        &body,
+        &offline::ALL_FRAMES,
+        &mut |done, of| bar.set_position((1000 * done / of.max(1)) as u64),
+    )?;
+    bar.finish_and_clear();
+    for warning in warnings.iter().take(10) {
+        eprintln!("warning: {warning}");
+    }
+    if arguments.json {
+        return terminal::print(&serde_json::to_string_pretty(&outputs)?);
+    }
+    for one in &outputs {
+        let errors = &one.errors;
+        terminal::print(&format!(
+            "{}: RMSE {:.4}, mean error {:.4} (always the median: {:.4}), correlation {:.3}, {} frames",
+            one.output,
+            one.root_mean_square,
+            errors.mean_absolute,
+            errors.of_constant_median,
+            errors.correlation,
+            errors.count
+        ))?;
     }
     Ok(())
 }

@@ -10,6 +10,7 @@ pub(crate) mod drive;
 pub(crate) mod evaluate;
 pub(crate) mod hands;
 pub(crate) mod learn;
+pub(crate) mod look;
 pub(crate) mod model;
 pub(crate) mod net;
 pub(crate) mod replay;

@@ -97,13 +97,16 @@ fn info(path: &Path, json: bool) -> Result<()> {
         return Ok(());
     }
     let input = &model.input;
-    let colour = serde_json::to_value(input.colour)?;
     println!("{}", path.display());
     println!(
-        "  input       {}x{} {}, values {} to {}",
+        "  input       {}x{} {}{}, values {} to {}",
         input.width,
         input.height,
-        colour.as_str().unwrap_or_default(),
+        input.colour.name(),
+        match input.stack {
+            1 => String::new(),
+            frames => format!(", {frames} frames"),
+        },
         input.offset,
         input.offset + 255.0 * input.scale
     );
@@ -115,6 +118,12 @@ fn info(path: &Path, json: bool) -> Result<()> {
         100.0 * crop.left,
         100.0 * crop.right
     );
+    if let Some(edges) = input.edges {
+        println!(
+            "  edges       added, Canny's thresholds {} and {}",
+            edges.low, edges.high
+        );
+    }
     if let Some(camera) = &input.camera {
         let mounting = &camera.mounting;
         println!(

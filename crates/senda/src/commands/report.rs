@@ -6,7 +6,7 @@ use clap::Args;
 use senda_data::Recording;
 use senda_eval::{
     Summary,
-    report::{self, Page, ReportRun},
+    report::{self, Look, Page, ReportRun},
 };
 use senda_run::{Scenario, referee, replay::recorded_world};
 use std::path::PathBuf;
@@ -22,13 +22,20 @@ pub(crate) struct Arguments {
     /// Title of the page
     #[arg(long, default_value = "Recorded runs")]
     title: String,
+    /// Show in the player what this model looks at (VisualBackProp)
+    #[arg(long, value_name = "MODEL")]
+    look: Option<PathBuf>,
 }
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let mut runs = Vec::new();
     for path in &arguments.recordings {
         let recording = super::replay::read_recording(path)?;
-        runs.push(PageRun::recorded(recording));
+        let mut run = PageRun::recorded(recording);
+        if let Some(model) = &arguments.look {
+            run.look = Some(super::look::for_player(model, &run.recording)?);
+        }
+        runs.push(run);
     }
     write_file(
         &arguments.out,
@@ -44,6 +51,7 @@ pub(crate) struct PageRun {
     /// Taken from the recording where it has one.
     pub(crate) summary: Summary,
     pub(crate) frame_times_ns: Vec<u64>,
+    pub(crate) look: Option<Look>,
 }
 
 impl PageRun {
@@ -58,6 +66,7 @@ impl PageRun {
             recording,
             summary,
             frame_times_ns: Vec::new(),
+            look: None,
         }
     }
 }
@@ -94,6 +103,7 @@ pub(crate) fn page(title: &str, command: &str, runs: &[PageRun]) -> Result<Strin
             },
             command: &commands[i],
             frame_times_s: &times_s[i],
+            look: run.look.as_ref(),
         })
         .collect();
     let mut head = Page::new(title, command);

@@ -68,6 +68,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 recording,
                 summary: outcome.summary,
                 frame_times_ns: outcome.frame_times_ns,
+                look: None,
             })
         })
         .collect();

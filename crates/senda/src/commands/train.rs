@@ -12,7 +12,7 @@ use senda_learn::{
     split::split,
     train::{self, Errors, Lesson, News, Training},
 };
-use senda_nets::{Colour, Crop, InputSpec, Model, Provenance, Weights};
+use senda_nets::{Colour, Crop, Edges, InputSpec, Model, Provenance, View, Weights};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -29,6 +29,8 @@ pub(crate) struct Experiment {
     pub(crate) vehicle: String,
     colour: Option<Colour>,
     crop: Crop,
+    edges: Option<Edges>,
+    stack: Option<usize>,
     pub(crate) answers: Vec<Answer>,
     /// What full lock is called in degrees: errors are told in degrees too.
     full_lock_deg: Option<f64>,
@@ -57,6 +59,8 @@ impl Default for Experiment {
             vehicle: "picar".into(),
             colour: None,
             crop: Crop::default(),
+            edges: None,
+            stack: None,
             answers: vec![Answer::Steering],
             full_lock_deg: None,
             selection: Selection::default(),
@@ -102,6 +106,12 @@ pub(crate) struct Arguments {
     /// Part of the frame's height that is cut off below
     #[arg(long, value_name = "PART")]
     crop_bottom: Option<f64>,
+    /// Add the edges of the frame's saturation to what the network sees (document B)
+    #[arg(long)]
+    edges: bool,
+    /// Frames that the network is shown at once; its channels are shared out among them
+    #[arg(long, value_name = "N")]
+    stack: Option<usize>,
     /// Passes over the data
     #[arg(long, value_name = "N")]
     epochs: Option<u32>,
@@ -188,6 +198,10 @@ impl Arguments {
         {
             bail!("full_lock_deg: expected more than 0 and at most 360 degrees, but found {degrees}");
         }
+        if self.edges {
+            experiment.edges.get_or_insert_default();
+        }
+        experiment.stack = self.stack.or(experiment.stack);
         let training = &mut experiment.training;
         training.epochs = self.epochs.unwrap_or(training.epochs);
         training.batch = self.batch.unwrap_or(training.batch);
@@ -211,33 +225,25 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let experiment = arguments.experiment()?;
     let began_ns = terminal::clock_ns();
     let mut network = network_for(&experiment.network, &experiment.answers)?;
-    let mut input = InputSpec {
-        crop: experiment.crop,
-        ..InputSpec::of(network.input())
-    };
     let mut weights = Weights::initialised(
         &network,
         experiment.training.initialisation,
         experiment.training.seed,
     );
-    if let Some(path) = &arguments.from {
+    let mut input = if let Some(path) = &arguments.from {
         let model = Model::load(path)?;
         network = model.network;
         weights = model.weights;
-        input = model.input;
+        model.input
     } else {
-        // A tiny network of document B looks at saturation unless told otherwise.
-        input.colour = match experiment.colour {
-            Some(colour) => colour,
-            None if experiment.network.starts_with("tinypilotnet") && input.channels() == 1 => {
-                Colour::Saturation
-            }
-            None => input.colour,
+        let view = View {
+            colour: experiment.colour,
+            crop: experiment.crop,
+            edges: experiment.edges,
+            stack: experiment.stack,
         };
-    }
-    if let Some(fault) = input.fault(network.input()) {
-        bail!("{fault}");
-    }
+        InputSpec::for_network(&network, &view).map_err(|fault| anyhow::anyhow!("{fault}"))?
+    };
     let body = senda_run::scenario::find_vehicle(&experiment.vehicle)?.body();
     let bar = terminal::bar("reading");
     let read = |paths: &[PathBuf]| -> Result<Data> {

@@ -19,6 +19,13 @@ const SHORTEST_DISPLACEMENT_M: f64 = 1e-3;
 /// off, needs three.
 const APPROACH_HALF_WIDTHS: f64 = 10.0;
 
+/// NVIDIA's car was taken over when it was this far from the middle of its lane (m; Bojarski et al. 2016, section 7.1), or out of
+/// the corridor where that is narrower.
+const INTERVENTION_M: f64 = 1.0;
+
+/// What each intervention costs (s): the time to take over, bring the car back and hand over again; the same source.
+const INTERVENTION_S: f64 = 6.0;
+
 /// A lap or goal counts when its end is this near (m): where exactly a run is stopped is up to one frame anyway.
 const GOAL_TOLERANCE_M: f64 = 0.01;
 
@@ -117,6 +124,11 @@ pub struct Metrics {
     pub first_departure_s: Option<f64>,
     /// Where it first left (per cent of lap).
     pub first_departure_percent: Option<f64>,
+    /// How often a person would have taken over: further than a metre from the path, or out of the corridor.
+    pub interventions: u32,
+    /// NVIDIA's autonomy (0..=1): 1 - interventions · 6 s / time. A run that ends where it leaves the road has no second
+    /// intervention: read it beside the completion. `None` without time.
+    pub autonomy: Option<f64>,
     /// Distance from the path (m); `None` without a single true pose.
     pub lane_error: Option<ErrorFigures>,
     /// Heading error (rad); `None` without a single true pose.
@@ -250,6 +262,10 @@ pub(crate) fn measure_trace(course: &Course, truths: &[Truth], rows: &Trace) -> 
     let (mut lane_sums, mut heading_sums) = (Sums::default(), Sums::default());
     let (mut furthest_m, mut inside_m) = (0.0f64, 0.0);
     let mut laps = LapClock::new(course, rows);
+    let limit_m = course.corridor_half_width_m.min(INTERVENTION_M);
+    let mut taken_over = false;
+    // A run that begins outside the corridor must only come in.
+    let mut comes_in = lane[0] > course.corridor_half_width_m;
     for i in 0..count {
         if !rows.inside[i] && (i == 0 || rows.inside[i - 1]) {
             metrics.departures += 1;
@@ -257,6 +273,13 @@ pub(crate) fn measure_trace(course: &Course, truths: &[Truth], rows: &Trace) -> 
                 metrics.first_departure_s = Some(rows.time_s[i] - rows.time_s[0]);
                 metrics.first_departure_percent = Some(rows.percent[i]);
             }
+        }
+        comes_in &= lane[i] > limit_m;
+        if taken_over {
+            taken_over = !rows.inside[i] || lane[i] > BACK_INSIDE * limit_m;
+        } else if !rows.inside[i] || (lane[i] > limit_m && !comes_in) {
+            taken_over = true;
+            metrics.interventions += 1;
         }
         if i > 0 {
             let position = |row: usize| truths[row].world_from_vehicle.position();
@@ -282,6 +305,8 @@ pub(crate) fn measure_trace(course: &Course, truths: &[Truth], rows: &Trace) -> 
     } else {
         0.0
     };
+    let lost_s = INTERVENTION_S * f64::from(metrics.interventions);
+    metrics.autonomy = (metrics.duration_s > 0.0).then(|| (1.0 - lost_s / metrics.duration_s).max(0.0));
     metrics.progress_m = furthest_m;
     metrics.laps = laps.times_s.len() as u32;
     metrics.lap_times_s = laps.times_s;

@@ -332,3 +332,57 @@ proptest! {
         prop_assert!(ended.lane_error.unwrap().mean_over_time >= good.lane_error.unwrap().mean_over_time);
     }
 }
+
+/// 20 frames a second along 60 m of a road 6 m wide, at the offset that each station asks for.
+fn autonomy_of(offset_m: impl Fn(f64) -> f64) -> (u32, f64) {
+    let path = straight(60.0);
+    let truths = drive(&path, stations(60.0, 1200).map(|s| (s, offset_m(s))));
+    let wide = Course {
+        corridor_half_width_m: 3.0,
+        ..course(&path, Some(1.0))
+    };
+    let found = measure(&wide, &truths);
+    (found.interventions, found.autonomy.unwrap())
+}
+
+#[test]
+fn nvidias_autonomy_takes_six_seconds_for_each_time_further_than_a_metre_off() {
+    assert_eq!(autonomy_of(|_| 0.9), (0, 1.0));
+    let once = autonomy_of(|s| if s > 20.0 { 1.2 } else { 0.0 });
+    assert_eq!(once.0, 1);
+    close(once.1, 1.0 - 6.0 / 60.0, 1e-9);
+    // Twice over the metre without having been back below nine tenths of it is once.
+    let wavering = |s: f64| {
+        if (20.0..21.0).contains(&s) || s > 22.0 {
+            1.1
+        } else {
+            0.95
+        }
+    };
+    assert_eq!(autonomy_of(wavering).0, 1);
+    let twice = autonomy_of(|s| if s % 30.0 > 20.0 { -1.2 } else { 0.0 });
+    assert_eq!(twice.0, 2);
+    close(twice.1, 1.0 - 12.0 / 60.0, 1e-9);
+    // Never below zero: a minute has no room for twelve.
+    assert_eq!(autonomy_of(|s| if s % 5.0 > 2.5 { 1.2 } else { 0.0 }), (12, 0.0));
+    // One that begins there was put there; one that stays there drives there.
+    assert_eq!(autonomy_of(|_| 1.5).0, 1);
+}
+
+#[test]
+fn in_a_narrow_corridor_leaving_it_is_the_intervention() {
+    let path = straight(10.0);
+    let truths = drive(
+        &path,
+        stations(10.0, 400).map(|s| (s, if s > 5.0 { 0.2 } else { 0.1 })),
+    );
+    let found = measure(&course(&path, Some(1.0)), &truths);
+    assert_eq!((found.interventions, found.departures), (1, 1));
+    assert_eq!(
+        measure(&course(&path, Some(1.0)), &truths[..100]).interventions,
+        0
+    );
+    // Coming in from outside is no intervention.
+    let truths = drive(&path, stations(10.0, 400).map(|s| (s, (0.3 - s).max(0.0))));
+    assert_eq!(measure(&course(&path, Some(1.0)), &truths).interventions, 0);
+}

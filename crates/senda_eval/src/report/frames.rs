@@ -16,6 +16,17 @@ const MOST_FRAMES: usize = 1200;
 /// Every second frame as recorded is worth more than every frame spoilt by compression; beyond that the motion suffers.
 const MOST_STRIDE_AS_RECORDED: usize = 2;
 
+/// What a network looked at, for the player: pictures that are laid over the frames as light.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Look {
+    /// What was looked with, as the caption says it.
+    pub by: String,
+    /// Which part of the frame the pictures cover: left, top, width and height, in parts of the frame.
+    pub area: [f64; 4],
+    /// One picture for each step of the recording, where there is one; black adds nothing.
+    pub pictures: Vec<Option<Encoded>>,
+}
+
 /// Frames ready for the page.
 pub(super) struct Film {
     /// For each frame: step, picture and shapes.
@@ -37,7 +48,7 @@ pub(super) fn size_of(recording: &Recording) -> usize {
 }
 
 /// The first camera's frames of a recording, at most `budget_bytes` of base64.
-pub(super) fn film(recording: &Recording, budget_bytes: usize) -> Film {
+pub(super) fn film(recording: &Recording, budget_bytes: usize, look: Option<&Look>) -> Film {
     let with_frame: Vec<(usize, &Step)> = recording
         .steps
         .iter()
@@ -71,9 +82,15 @@ pub(super) fn film(recording: &Recording, budget_bytes: usize) -> Film {
                 .filter(|image| !image.is_empty())
                 .map(|image| [image.width(), image.height()]);
         }
-        bytes.push(base64_len(picture.bytes.len()));
+        let mut len = base64_len(picture.bytes.len());
         let shapes: Vec<Value> = step.explanation.shapes.iter().map(shape_json).collect();
-        frames.push(json!({"step": index, "src": data_uri(&picture), "shapes": shapes}));
+        let mut frame = json!({"step": index, "src": data_uri(&picture), "shapes": shapes});
+        if let Some(light) = look.and_then(|look| look.pictures.get(*index)?.as_ref()) {
+            len += base64_len(light.bytes.len());
+            frame["look"] = json!(data_uri(light));
+        }
+        bytes.push(len);
+        frames.push(frame);
     }
     // Frames may grow along a run, so that the estimate was too low: thin again, evenly.
     while frames.len() > 1 && bytes.iter().sum::<usize>() > budget_bytes + budget_bytes / 10 {
@@ -94,7 +111,11 @@ pub(super) fn film(recording: &Recording, budget_bytes: usize) -> Film {
     } else {
         "compressed further to keep this file small"
     };
-    let caption = format!("{which}, {how}, with what the driver saw in them.");
+    let mut caption = format!("{which}, {how}, with what the driver saw in them.");
+    if let Some(look) = look {
+        let by = text::printable(&look.by);
+        caption += &format!(" Light lies where {by} looks (VisualBackProp).");
+    }
     Film {
         frames,
         size,

@@ -19,6 +19,7 @@ mod study;
 mod sweep;
 mod training;
 
+pub use frames::Look;
 pub use page::Page;
 pub use parts::{Part, PartFigure, PartTable, parts_html, parts_markdown};
 pub use real::real_data_html;

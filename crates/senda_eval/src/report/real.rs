@@ -32,6 +32,7 @@ pub fn real_data_html(page: &Page, human: &Recording, driven: &Recording) -> Str
         course: None,
         command: &page.command,
         frame_times_s: &[],
+        look: None,
     };
     let mut section = run::section_with(&shown, 0, page.frame_budget_bytes, columns);
     section.cards = cards(&summary, &agreed);

@@ -42,10 +42,16 @@
       this.vehicle = find(".sp-vehicle");
       this.readout = find(".readout");
       const detections = find(".detect input");
+      this.gaze = find(".gaze input");
       this.images = this.data.frames.map((frame) => {
         const image = new Image();
         image.onload = () => { if (this.shown === image) this.paint(image); };
         image.src = frame.src;
+        if (frame.look) {
+          image.light = new Image();
+          image.light.onload = image.onload;
+          image.light.src = frame.look;
+        }
         return image;
       });
       this.last = this.data.t.length - 1;
@@ -60,6 +66,7 @@
           this.overlay.style.display = detections.checked ? "" : "none";
         });
       }
+      if (this.gaze) this.gaze.addEventListener("change", () => this.shown && this.paint(this.shown));
       for (const button of this.section.querySelectorAll("[data-seek]")) {
         button.addEventListener("click", () => this.seek(+button.dataset.seek));
       }
@@ -175,7 +182,15 @@
         canvas.width = image.naturalWidth;
         canvas.height = image.naturalHeight;
       }
-      canvas.getContext("2d").drawImage(image, 0, 0);
+      const context = canvas.getContext("2d");
+      context.globalCompositeOperation = "source-over";
+      context.drawImage(image, 0, 0);
+      const light = image.light;
+      if (!light || !light.naturalWidth || !this.gaze || !this.gaze.checked) return;
+      const [left, top, width, height] = this.data.look_area;
+      context.globalCompositeOperation = "screen";
+      context.imageSmoothingEnabled = true;
+      context.drawImage(light, left * canvas.width, top * canvas.height, width * canvas.width, height * canvas.height);
     }
 
     // Steps by frames where there are frames, else by recorded steps.

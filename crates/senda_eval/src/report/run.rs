@@ -2,7 +2,7 @@
 
 use super::columns::{Columns, columns};
 use super::delivery;
-use super::frames::{self, Film};
+use super::frames::{self, Film, Look};
 use super::page::{Card, Row, Section, Table};
 use super::plots::{self, Group};
 use super::signals::{Column, fixed_numbers};
@@ -34,6 +34,8 @@ pub struct ReportRun<'a> {
     pub command: &'a str,
     /// Wall time that the driver took for each step (s); empty where unknown.
     pub frame_times_s: &'a [f64],
+    /// What a network looked at, for the player.
+    pub look: Option<&'a Look>,
 }
 
 /// What the template shows of a run.
@@ -49,6 +51,7 @@ pub(super) struct RunSection {
     chips: Vec<(&'static str, String)>,
     pub(super) cards: Vec<Card>,
     size: Option<[usize; 2]>,
+    looks: bool,
     frames_caption: String,
     map: String,
     map_caption: String,
@@ -86,7 +89,7 @@ pub(super) fn section_with(
     };
     let mut columns = columns(run, course.as_ref());
     columns.list.extend(more);
-    let film = frames::film(run.recording, budget_bytes);
+    let film = frames::film(run.recording, budget_bytes, run.look);
     let stride = run.recording.steps.len().div_ceil(MOST_ROWS).max(1);
     let events = events(run.recording, stride);
     let summary = run.summary;
@@ -111,8 +114,9 @@ pub(super) fn section_with(
         map,
         map_caption: "The path of the vehicle's axle (blue) over the painted lines (grey), true to scale. The bar across is the start, the arrow the driving direction; the shaded strip is the corridor.".into(),
         groups,
-        data: data(run.recording, &columns, &film, &events, stride),
+        data: data(run, &columns, &film, &events, stride),
         size: film.size,
+        looks: run.look.is_some(),
         frames_caption: film.caption,
         events: events.into_iter().take(MOST_EVENTS).map(|(row, time_s, words)| (row, format!("{} s", text::fixed(time_s, 2)), words)).collect(),
         details: details(run),
@@ -432,7 +436,7 @@ fn maps(run: &ReportRun, mut map: Map, columns: &Columns) -> (String, String) {
 
 /// What the page's script needs.
 fn data(
-    recording: &Recording,
+    run: &ReportRun,
     columns: &Columns,
     film: &Film,
     events: &[(usize, f64, String)],
@@ -440,7 +444,7 @@ fn data(
 ) -> String {
     let thin = |values: &[f64]| -> Vec<f64> { values.iter().step_by(stride).copied().collect() };
     let truth = |value: &dyn Fn(&Truth) -> f64| -> Vec<f64> {
-        recording
+        run.recording
             .steps
             .iter()
             .step_by(stride)
@@ -498,6 +502,7 @@ fn data(
         "columns": by_key,
         "readout": readout,
         "frames": frames,
+        "look_area": run.look.map(|look| look.area),
         "events": events,
     }))
 }

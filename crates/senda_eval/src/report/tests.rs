@@ -109,6 +109,7 @@ fn run<'a>(recording: &'a Recording, summary: &'a Summary, world: Option<&'a Wor
         course: None,
         command: HOSTILE,
         frame_times_s: &[],
+        look: None,
     }
 }
 

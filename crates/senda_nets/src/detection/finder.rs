@@ -2,8 +2,9 @@
 
 use super::{Boxed, DetectionSpec, suppress};
 use crate::inference::Inference;
-use crate::input::{InputSpec, Preparer};
+use crate::input::InputSpec;
 use crate::model::Model;
+use crate::preparer::Eye;
 use senda_core::Image;
 
 /// A detector's model, ready to run. Nothing is allocated per frame once a frame of the size was seen and as many boxes.
@@ -11,7 +12,7 @@ pub struct Finder {
     inference: Inference,
     detection: DetectionSpec,
     input: InputSpec,
-    preparer: Option<Preparer>,
+    eye: Eye,
     values: Vec<f32>,
     found: Vec<Boxed>,
     threshold: f32,
@@ -37,7 +38,7 @@ impl Finder {
             detection,
             values: vec![0.0; model.input.len()],
             input: model.input.clone(),
-            preparer: None,
+            eye: Eye::new(&model.input),
             found: Vec::new(),
             threshold,
             overlap,
@@ -54,17 +55,7 @@ impl Finder {
     /// # Panics
     /// When the frame has no pixels.
     pub fn find(&mut self, frame: &Image) -> &[Boxed] {
-        let size = [frame.width(), frame.height()];
-        if self
-            .preparer
-            .as_ref()
-            .is_none_or(|preparer| preparer.frame_size() != size)
-        {
-            self.preparer = Some(self.input.preparer(size[0], size[1]));
-        }
-        if let Some(preparer) = &mut self.preparer {
-            preparer.prepare(frame, &mut self.values);
-        }
+        self.values.copy_from_slice(self.eye.see(frame));
         self.run();
         let crop = self.input.crop;
         let part = |low: f64, high: f64| (low as f32, (1.0 - low - high) as f32);
@@ -78,7 +69,7 @@ impl Finder {
         &self.found
     }
 
-    /// The same for a prepared frame's bytes ([`Preparer::prepare_bytes`]), in parts of the prepared picture.
+    /// The same for a prepared frame's bytes ([`crate::Preparer::prepare_bytes`]), in parts of the prepared picture.
     ///
     /// # Panics
     /// When there are not as many bytes as the input has values.

@@ -4,7 +4,7 @@ use crate::commands::{report::command_line, train::word};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use senda_drivers::Answer;
-use senda_nets::{Colour, Crop, Imported, InputSpec, Model, OutputSpec, Provenance};
+use senda_nets::{Colour, Crop, Edges, Imported, InputSpec, Model, OutputSpec, Provenance};
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -16,6 +16,8 @@ struct Description {
     values: Option<[f32; 2]>,
     colour: Option<Colour>,
     crop: Option<Crop>,
+    edges: Option<Edges>,
+    stack: Option<usize>,
     vehicle: Option<String>,
     notes: String,
 }
@@ -24,7 +26,7 @@ struct Description {
 pub(crate) struct Arguments {
     /// ONNX file
     onnx: PathBuf,
-    /// What the file does not say (TOML): the keys outputs, values, colour, crop, vehicle, notes; flags override them
+    /// What the file does not say (TOML): the keys outputs, values, colour, crop, edges, stack, vehicle, notes; flags override them
     #[arg(long, value_name = "FILE")]
     spec: Option<PathBuf>,
     /// What the outputs mean, in order: steering, curvature, speed, throttle
@@ -121,6 +123,8 @@ fn input(imported: &Imported, description: &Description) -> Result<InputSpec> {
     }
     input.colour = description.colour.unwrap_or(input.colour);
     input.crop = description.crop.unwrap_or(input.crop);
+    input.edges = description.edges.or(input.edges);
+    input.stack = description.stack.unwrap_or(input.stack);
     if let Some(vehicle) = &description.vehicle {
         let body = senda_run::scenario::find_vehicle(vehicle)?.body();
         let camera = body.cameras.first().cloned();

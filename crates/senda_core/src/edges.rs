@@ -1,4 +1,5 @@
-//! Sobel's gradients and Canny's edges (A4 in SPEC).
+//! Sobel's gradients and Canny's edges of grey pictures (A4 and B3 in SPEC): here, because drivers look for lines with them
+//! and networks are shown them.
 
 /// Gradients of a grey picture, in the units of Sobel's 3x3 kernels (a step of one grey level gives 4).
 #[derive(Debug, Clone, Default)]
