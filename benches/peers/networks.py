@@ -3,8 +3,10 @@
     python networks.py FOLDER
 
 FOLDER holds one folder a network, with `network.onnx` and `network.toml`. Medians over rounds. PyTorch trains with Adam and the
-mean squared error on batches of 32 with two threads; inference is a batch of one on one thread. TensorFlow Lite runs what Keras'
-converter makes of the same layers with fresh weights; without TensorFlow its column is empty.
+mean squared error on batches of 32 with two threads; inference is a batch of one on one thread. Networks with a memory learn from 16
+moments of 32 runs (truncated back-propagation, the state carried in and out); what does not depend on the state is computed for all
+moments at once. TensorFlow Lite runs what Keras' converter makes of the same layers with fresh weights; without TensorFlow, and
+for networks with a memory, its column is empty.
 """
 
 import pathlib
@@ -24,14 +26,48 @@ except ImportError:
     tensorflow = None
 
 
+MOMENTS = 16
+
+
+class ConvLSTM(nn.Module):
+    """Gates input, forget, cell, output, as Keras orders them; `x` is [moments * runs, channels, height, width]."""
+
+    def __init__(self, channels, filters, kernel, stride, padding):
+        super().__init__()
+        self.filters = filters
+        before = kernel // 2 if padding == "same" else 0
+        self.input = nn.Conv2d(channels, 4 * filters, kernel, stride, before)
+        self.state = nn.Conv2d(filters, 4 * filters, kernel, padding=kernel // 2, bias=False)
+        self.runs = 1
+        self.carried = None
+
+    def forward(self, x):
+        gates = self.input(x)
+        gates = gates.view(-1, self.runs, *gates.shape[1:])
+        if self.carried is None or self.carried[0].shape[0] != self.runs:
+            zero = gates.new_zeros(self.runs, self.filters, *gates.shape[3:])
+            self.carried = (zero, zero)
+        hidden, memory = (state.detach() for state in self.carried)
+        shown = []
+        for own in gates:
+            i, f, c, o = torch.chunk(own + self.state(hidden), 4, dim=1)
+            memory = torch.sigmoid(f) * memory + torch.sigmoid(i) * torch.tanh(c)
+            hidden = torch.sigmoid(o) * torch.tanh(memory)
+            shown.append(hidden)
+        self.carried = (hidden, memory)
+        return torch.cat(shown)
+
+
 def build(network):
-    """Plain chains only: what PilotNet and TinyPilotNet are made of."""
+    """Plain chains only: what the networks of documents A and B are made of."""
     channels, layers = network["input"]["channels"], []
     shape = torch.zeros(1, channels, network["input"]["height"], network["input"]["width"])
     for layer in network["layer"]:
         match layer["kind"]:
             case "convolution":
                 step = [nn.Conv2d(shape.shape[1], layer["filters"], layer["kernel"], layer["stride"])]
+            case "convolutional_lstm":
+                step = [ConvLSTM(shape.shape[1], layer["filters"], layer["kernel"][0], layer["stride"][0], layer["padding"])]
             case "max_pool":
                 step = [nn.MaxPool2d(layer["size"], layer["stride"])]
             case "dropout":
@@ -105,13 +141,18 @@ def main():
             str(folder / "network.onnx"), options, providers=["CPUExecutionProvider"]
         )
         one = np.full([1, *shape], 0.25, dtype=np.float32)
-        runtime = median(lambda: session.run(None, {"input": one}), repeats) * 1e3
+        # A memory goes in and comes out by inputs of its own.
+        given = {i.name: np.zeros([1, *i.shape[1:]], dtype=np.float32) for i in session.get_inputs()}
+        given["input"] = one
+        runtime = median(lambda: session.run(None, given), repeats) * 1e3
         interpreter = lite(network)
         light = f"{median(interpreter.invoke, repeats) * 1e3:12.4f}" if interpreter else f"{'-':>12}"
         net = build(network)
         if net is None:
             print(f"{folder.name:30}{'-':>28}{'-':>12}{runtime:17.4f}{light}")
             continue
+        recurrent = [module for module in net.modules() if isinstance(module, ConvLSTM)]
+        moments = MOMENTS if recurrent else 1
         torch.set_num_threads(1)
         frame = torch.tensor(one)
         net.eval()
@@ -120,8 +161,10 @@ def main():
         torch.set_num_threads(2)
         net.train()
         optimiser = torch.optim.Adam(net.parameters(), 1e-3)
-        inputs = torch.rand(32, *shape)
-        targets = torch.full([32, net(inputs).shape[1]], 0.1)
+        inputs = torch.rand(moments * 32, *shape)
+        for module in recurrent:
+            module.runs = 32
+        targets = torch.full([moments * 32, net(inputs).shape[1]], 0.1)
 
         def step():
             optimiser.zero_grad(set_to_none=True)
@@ -129,7 +172,7 @@ def main():
             optimiser.step()
 
         step()
-        rate = 32 / median(step, max(repeats // 10, 3))
+        rate = moments * 32 / median(step, max(repeats // 10 // moments, 3))
         print(f"{folder.name:30}{rate:28.0f}{single:12.4f}{runtime:17.4f}{light}")
 
 

@@ -4,7 +4,7 @@
 # Usage: benches/peers/networks.sh [NETWORK...]      Needs python3 with torch, onnxruntime and numpy.
 set -eu
 cd "$(dirname "$0")/../.."
-[ $# -gt 0 ] || set -- pilotnet tinypilotnet
+[ $# -gt 0 ] || set -- pilotnet tinypilotnet lstm-tinypilotnet deeperlstm-tinypilotnet deepestlstm-tinypilotnet
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cargo build --quiet --release -p senda_nets --example speed --example parity

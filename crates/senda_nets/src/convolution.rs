@@ -186,7 +186,8 @@ impl Plan {
         }
     }
 
-    fn depth(&self) -> usize {
+    /// Taps of one output.
+    pub(crate) fn depth(&self) -> usize {
         self.offsets.len()
     }
 
@@ -287,6 +288,17 @@ impl Plan {
                         }
                     }
                 }
+            }
+        }
+    }
+
+    /// What each output sees of a source, in the order of the weights: output after output, `pitch` apart.
+    pub(crate) fn windows(&self, source: &[f32], taps: &mut [f32], pitch: usize) {
+        for (place, to) in taps.chunks_mut(pitch).enumerate().take(self.output.plane()) {
+            let (y, x) = (place / self.output.width, place % self.output.width);
+            let from = &source[y * self.stride[0] * self.row_pitch + x..][..=self.largest_offset];
+            for (to, offset) in to.iter_mut().zip(&self.offsets) {
+                *to = from[*offset as usize];
             }
         }
     }
@@ -474,7 +486,7 @@ math::vectorised! {
 }
 
 /// The widest level that does not waste many lanes on rows of this width. All give the same bits.
-fn best_level(width: usize) -> Level {
+pub(crate) fn best_level(width: usize) -> Level {
     let level = Level::detect();
     match level.narrower() {
         // Measured: above a tenth of waste, half the lanes are faster.
@@ -487,7 +499,7 @@ fn best_level(width: usize) -> Level {
     }
 }
 
-fn positions(
+pub(crate) fn positions(
     level: Level,
     [height, width]: [usize; 2],
     source_row: impl Fn(usize) -> usize,

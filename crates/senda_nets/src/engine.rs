@@ -111,6 +111,8 @@ pub(crate) struct Scratch {
     /// The same two for the state's convolution of a recurrent layer.
     state_sources: Vec<Vec<f32>>,
     state_padded: Vec<Vec<f32>>,
+    /// What the gradient of a recurrent layer's weights is summed from.
+    cells: Vec<lstm::GradientScratch>,
     shared: [Vec<f32>; 3],
 }
 
@@ -300,6 +302,14 @@ impl Engine {
                 Operation::Lstm(plan) => plan.state.gradient_len(),
                 _ => 0,
             }),
+            cells: self
+                .layers
+                .iter()
+                .map(|planned| match &planned.operation {
+                    Operation::Lstm(plan) => plan.gradient_scratch(),
+                    _ => lstm::GradientScratch::default(),
+                })
+                .collect(),
             shared: [buffer(shared), buffer(shared), buffer(shared)],
         }
     }
@@ -645,7 +655,14 @@ impl Engine {
                             &mut scratch.state_padded[index],
                         ],
                         [shared, spare],
-                        all.map(|gradient| (gradient, split, image > 0 || !is_first)),
+                        &mut scratch.cells[index],
+                        all.map(|all| lstm::WeightGradients {
+                            all,
+                            split,
+                            image,
+                            is_last: image + 1 == count,
+                            is_first,
+                        }),
                         (flow != Flow::Stop)
                             .then(|| (&mut result[image * in_len..(image + 1) * in_len], accumulates)),
                     );
@@ -873,6 +890,7 @@ fn plan(layer: &Layer, chunk: usize, needs_gradient: bool, needs_input_gradient:
             kernel,
             stride,
             padding,
+            chunk,
             needs_gradient,
             needs_input_gradient,
         )),
