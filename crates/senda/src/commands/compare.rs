@@ -233,6 +233,7 @@ fn write_report(
         .into_iter()
         .map(|lap| &laps.laps[lap])
         .map(|lap| ReportRun {
+            look: None,
             title: &lap.title,
             summary: &lap.summary,
             recording: &lap.recording,
