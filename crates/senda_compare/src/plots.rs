@@ -41,6 +41,9 @@ pub struct Laps {
     pub laps: Vec<Shown>,
 }
 
+/// A row's title, what its network answered to each frame, and what the human did.
+pub(crate) type BesideHuman = (String, Vec<f64>, Vec<f64>);
+
 impl Shop<'_> {
     /// Drives the first judging lap of every row again, this time with pictures. `None` when somebody interrupted.
     pub(crate) fn show(&self, results: &Results, crew: &Crew) -> Result<Option<Laps>, CompareError> {
@@ -89,10 +92,7 @@ impl Shop<'_> {
     }
 
     /// What each row answers to the frames of the first held-out lap, beside the human who drove it.
-    pub(crate) fn beside_human(
-        &self,
-        shown: &Laps,
-    ) -> Result<Vec<(String, Vec<f64>, Vec<f64>)>, CompareError> {
+    pub(crate) fn beside_human(&self, shown: &Laps) -> Result<Vec<BesideHuman>, CompareError> {
         let mut told = Vec::new();
         for lap in &shown.laps {
             let unit = self
@@ -214,7 +214,7 @@ fn columns(lap: &Shown, world: &World) -> Columns {
 }
 
 /// All plots of the laps.
-pub(crate) fn parts(rows: &[Row], shown: &Laps, beside_human: &[(String, Vec<f64>, Vec<f64>)]) -> Vec<Part> {
+pub(crate) fn parts(rows: &[Row], shown: &Laps, beside_human: &[BesideHuman]) -> Vec<Part> {
     let mut parts = Vec::new();
     let all: Vec<(usize, Columns)> = shown
         .laps

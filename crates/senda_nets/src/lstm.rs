@@ -98,6 +98,7 @@ impl WeightPlan {
 }
 
 impl Plan {
+    #[allow(clippy::too_many_arguments, reason = "a layer's shapes, and what it is for")]
     pub(crate) fn new(
         input: Shape,
         output: Shape,

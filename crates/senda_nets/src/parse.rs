@@ -50,9 +50,7 @@ pub(crate) fn parse(source_name: &str, toml: &str) -> Result<Network, NetworkErr
         width: table.required_whole("width", 1, LARGEST_SIZE)?,
         channels: table.required_whole("channels", 1, LARGEST_SIZE)?,
     };
-    let colour = table
-        .optional_word("colour", COLOURS)?
-        .and_then(|word| Colour::named(word));
+    let colour = table.optional_word("colour", COLOURS)?.and_then(Colour::named);
     let stack = table.optional_whole("stack", 1, LARGEST_STACK)?.unwrap_or(1);
     if let Some(colour) = colour
         && colour.channels() * stack != input.channels
