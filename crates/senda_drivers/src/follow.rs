@@ -35,6 +35,8 @@ pub enum Form {
     Curve,
     /// The line's shape on the floor plane, followed by pure pursuit of a point ahead (Coulter 1992).
     PurePursuit,
+    /// Lanes only: where the road goes by a vote of all lines in each frame, followed by pure pursuit. Needs no vehicle that obeys.
+    Road,
 }
 
 /// Constants of the controller. Those of the forms that are not in use are ignored.
@@ -174,9 +176,13 @@ impl Follower {
                 let (desired, curvature) = curve_law(state, length_m, options);
                 (-desired, curvature * speed_mps)
             }
-            Form::PurePursuit => {
+            Form::PurePursuit | Form::Road => {
                 let reach_m = options.pursuit_m.max(options.pursuit_s * speed_mps.abs());
-                let curvature = pursuit_law(state, reach_m);
+                let curvature = if self.form == Form::Road {
+                    arc_pursuit_law(state, reach_m)
+                } else {
+                    pursuit_law(state, reach_m)
+                };
                 (-trig::atan2(state.d_m, reach_m), curvature * speed_mps)
             }
         };
@@ -217,6 +223,23 @@ fn pursuit_law(state: LineState, reach_m: f64) -> f64 {
     2.0 * y / (x * x + y * y).max(1e-6)
 }
 
+/// The same for a path that bends by more than a parabola can say over the reach: its arc itself, up to where it has turned
+/// by two radians.
+fn arc_pursuit_law(state: LineState, reach_m: f64) -> f64 {
+    const TURNED_MOST_RAD: f64 = 2.0;
+    let half = (0.5 * state.curvature_per_m * reach_m).clamp(-0.5 * TURNED_MOST_RAD, 0.5 * TURNED_MOST_RAD);
+    let chord_m = if half.abs() < 1e-6 {
+        reach_m
+    } else {
+        2.0 * trig::sin(half) / state.curvature_per_m
+    };
+    let (sin, cos) = trig::sincos(state.theta_rad);
+    let (chord_sin, chord_cos) = trig::sincos(state.theta_rad + half);
+    let x = -sin * state.d_m + chord_m * chord_cos;
+    let y = cos * state.d_m + chord_m * chord_sin;
+    2.0 * y / (x * x + y * y).max(1e-6)
+}
+
 /// Speeds of the left and right wheels (m/s) of a unicycle: v ∓ ω·track/2 (equation 4 of C's document, ω left positive).
 pub fn wheel_speeds(speed_mps: f64, yaw_rate_radps: f64, track_m: f64) -> (f64, f64) {
     let half = 0.5 * track_m * yaw_rate_radps;
@@ -236,7 +259,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const FORMS: [Form; 3] = [Form::Document, Form::Curve, Form::PurePursuit];
+    const FORMS: [Form; 4] = [Form::Document, Form::Curve, Form::PurePursuit, Form::Road];
 
     fn state(d_m: f64, theta_rad: f64, curvature_per_m: f64) -> LineState {
         LineState {
@@ -275,7 +298,7 @@ mod tests {
 
     #[test]
     fn on_a_circle_the_curve_forms_ask_for_its_curvature() {
-        for form in [Form::Curve, Form::PurePursuit] {
+        for form in [Form::Curve, Form::PurePursuit, Form::Road] {
             let mut follower = Follower::unlimited(form, FollowOptions::default());
             let rate = follower.step(state(0.0, 0.0, 2.0), 0.15, 0.05).yaw_rate_radps;
             assert!((rate - 0.30).abs() < 0.02, "{form:?} {rate}");

@@ -61,7 +61,7 @@ impl Helm {
         speed.validate()?;
         loss.validate()?;
         let default_while_lost = match form {
-            Form::Document => WhileLost::Hold,
+            Form::Document | Form::Road => WhileLost::Hold,
             Form::Curve | Form::PurePursuit => WhileLost::Search,
         };
         Ok(Self {

@@ -4,6 +4,7 @@ use crate::follow::{FollowOptions, Form, track_m};
 use crate::helm::{GOAL_COLOR, Helm, LINE_COLOR, PATH_COLOR, Percept, REFUSED_COLOR};
 use crate::lane_curve::{CurveLane, Role};
 use crate::lane_document::{Accepted, DocumentLane, PairLimits};
+use crate::lane_road::{RoadLane, RoadOptions};
 use crate::line::draw_candidate;
 use crate::loss::{LossOptions, Mode};
 use crate::options::{DriverError, check};
@@ -28,6 +29,8 @@ pub struct LaneOptions {
     pub shape: LaneShape,
     /// The remembered path (curve forms).
     pub track: TrackOptions,
+    /// How the road is read (form `road`).
+    pub road: RoadOptions,
     /// The controller.
     pub follow: FollowOptions,
     /// What happens without a line.
@@ -116,6 +119,7 @@ impl Default for LaneOptions {
             sight: SightOptions::default(),
             shape: LaneShape::default(),
             track: TrackOptions::default(),
+            road: RoadOptions::default(),
             follow: FollowOptions::default(),
             loss: LossOptions::default(),
         }
@@ -143,6 +147,7 @@ pub struct LaneDriver {
 enum Lane {
     Document(DocumentLane, Option<Accepted>),
     Curve(Box<CurveLane>),
+    Road(Box<RoadLane>),
 }
 
 impl LaneDriver {
@@ -151,7 +156,10 @@ impl LaneDriver {
         let shape = &options.shape;
         shape.validate()?;
         let beside_m = shape.one_line_offset_m.unwrap_or(0.5 * track_m(body));
-        let lane = if options.form == Form::Document {
+        let lane = if options.form == Form::Road {
+            options.road.validate()?;
+            Lane::Road(Box::new(RoadLane::new(options.road, *shape, &options.sight)))
+        } else if options.form == Form::Document {
             let limits = PairLimits {
                 narrowest_m: shape.narrowest_m,
                 widest_m: shape.widest_m,
@@ -205,8 +213,14 @@ impl Driver for LaneDriver {
         match self.sight.new_frame(observation) {
             Some(frame) => {
                 let now_from_exposure = self.helm.at_exposure(observation, frame.stamp);
-                self.sight.look(frame);
+                if !matches!(self.lane, Lane::Road(_)) {
+                    self.sight.look(frame);
+                }
                 self.found = match &mut self.lane {
+                    Lane::Road(lane) => self
+                        .sight
+                        .map_for(frame)
+                        .is_some_and(|map| lane.update(&frame.image, map)),
                     Lane::Document(lane, accepted) => {
                         *accepted = lane.step(self.sight.candidates(), self.sight.width_px());
                         accepted.is_some()
@@ -223,6 +237,7 @@ impl Driver for LaneDriver {
                 match &mut self.lane {
                     Lane::Document(_, accepted) => *accepted = None,
                     Lane::Curve(lane) => lane.close(),
+                    Lane::Road(lane) => lane.close(),
                 }
             }
         }
@@ -235,6 +250,13 @@ impl Driver for LaneDriver {
                 ..Percept::default()
             },
             Lane::Curve(lane) => self.helm.perceive(&mut lane.memory, self.found),
+            Lane::Road(lane) => Percept {
+                found: self.found,
+                state: lane.state(),
+                sharpest_per_m: lane.state().map_or(0.0, |state| state.curvature_per_m),
+                known_m: lane.range_m(),
+                side: 0.0,
+            },
         };
         let command = self.helm.steer(percept);
         if self.helm.mode() == Mode::Tracking {
@@ -258,7 +280,7 @@ impl Driver for LaneDriver {
                     Role::Stranger
                 }
             }
-            Lane::Document(_, None) => Role::Stranger,
+            Lane::Document(_, None) | Lane::Road(_) => Role::Stranger,
             Lane::Curve(lane) => lane.roles().get(index).copied().unwrap_or_default(),
         };
         for (index, candidate) in self.sight.candidates().iter().enumerate() {
@@ -277,6 +299,13 @@ impl Driver for LaneDriver {
         }
         let (lines, width_m) = match &self.lane {
             Lane::Document(_, accepted) => (accepted.map_or(0, |accepted| accepted.lines()), None),
+            Lane::Road(lane) => {
+                for (is_path, points) in lane.drawn() {
+                    let color = if is_path { PATH_COLOR } else { LINE_COLOR };
+                    self.sight.draw_floor_line(explanation, points.into_iter(), color);
+                }
+                (lane.lines(), lane.width_m())
+            }
             Lane::Curve(lane) => {
                 self.sight
                     .draw_floor_line(explanation, lane.memory.points(), PATH_COLOR);

@@ -32,7 +32,8 @@
 //! The way of a frame: [`sight`] finds candidates and puts them on the floor, [`mod@line`] or [`lane`] decide which of them
 //! is the path, [`follow`] turns the path's state into a yaw rate, [`speed`] and [`loss`] decide how fast and when to
 //! stop. [`study`] shows what the controller does without camera and world (C13). Two forms live side by side: the
-//! document's ([`Form::Document`]) and one that uses the line's shape on the floor plane ([`Form::Curve`], C17).
+//! document's ([`Form::Document`]) and one that uses the line's shape on the floor plane ([`Form::Curve`], C17). A third, for lanes, needs no obedient vehicle
+//! ([`Form::Road`]).
 //!
 //! This crate does not know simulators, hardware, files and clocks; the true state reaches [`ExpertDriver`] and [`HumanDriver`]
 //! only.
@@ -52,6 +53,7 @@ pub mod lane;
 mod lane_curve;
 mod lane_document;
 mod lane_pair;
+mod lane_road;
 pub mod line;
 pub mod loss;
 pub mod manual;
@@ -61,6 +63,7 @@ pub mod neural;
 mod options;
 mod path_memory;
 pub mod pid;
+mod road_vote;
 pub mod sight;
 pub mod speed;
 pub mod study;
@@ -74,6 +77,7 @@ pub use hough::{HoughDriver, HoughDriverOptions, Mask};
 pub use hough_lanes::Sides;
 pub use human::{HumanDriver, HumanOptions};
 pub use lane::{LaneDriver, LaneOptions, LaneShape};
+pub use lane_road::RoadOptions;
 pub use line::{ChoiceOptions, LineDriver, LineOptions};
 pub use loss::{LossOptions, Mode, WhileLost};
 pub use manual::{Hands, KeyScript, ManualDriver, ManualOptions};

@@ -119,6 +119,9 @@ impl LineDriver {
     /// A line driver for a vehicle; its first camera is used.
     pub fn new(body: &Body, options: LineOptions) -> Result<Self, DriverError> {
         options.validate()?;
+        if options.form == Form::Road {
+            return Err(DriverError::NoRoad { driver: "line" });
+        }
         Ok(Self {
             sight: Sight::new(body, &options.sight)?,
             helm: Helm::new(

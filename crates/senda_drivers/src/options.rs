@@ -27,6 +27,14 @@ pub enum DriverError {
         /// How it does not fit, and what to do.
         reason: String,
     },
+    /// A form that this driver does not have.
+    #[error(
+        "option `form`: the driver `{driver}` has no form `road`, which takes the two lines of a lane; use the driver `lane`, or the form `curve` or `document`"
+    )]
+    NoRoad {
+        /// The driver.
+        driver: &'static str,
+    },
     /// An option out of its range.
     #[error("option `{key}`: expected a number from {lowest} to {highest}, but found {found}")]
     Range {

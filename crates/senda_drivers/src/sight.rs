@@ -159,13 +159,10 @@ impl Sight {
         (!repeated).then_some(frame)
     }
 
-    /// Looks at a frame; afterwards [`Sight::candidates`] are those of this frame.
-    pub(crate) fn look(&mut self, frame: &Frame) {
-        self.close();
-        self.statistics = Statistics::default();
-        let (width, height) = (frame.image.width(), frame.image.height());
+    /// Makes ready for frames of a size; `false` where they are too small to show anything.
+    fn open(&mut self, width: usize, height: usize) -> bool {
         if width < SMALLEST_SIDE_PX || height < SMALLEST_SIDE_PX {
-            return;
+            return false;
         }
         let fits = self
             .eye
@@ -180,6 +177,27 @@ impl Sight {
                 profile,
                 joiner: LineJoiner::default(),
             });
+        }
+        true
+    }
+
+    /// Where the pixels of a frame lie on the floor, without looking for lines in it.
+    pub(crate) fn map_for(&mut self, frame: &Frame) -> Option<&FloorMap> {
+        self.close();
+        self.statistics = Statistics::default();
+        if !self.open(frame.image.width(), frame.image.height()) {
+            return None;
+        }
+        self.eye.as_ref().map(|eye| &eye.map)
+    }
+
+    /// Looks at a frame; afterwards [`Sight::candidates`] are those of this frame.
+    pub(crate) fn look(&mut self, frame: &Frame) {
+        self.close();
+        self.statistics = Statistics::default();
+        let (width, height) = (frame.image.width(), frame.image.height());
+        if !self.open(width, height) {
+            return;
         }
         let Some(eye) = &mut self.eye else { return };
         if let Some(tried) = self.tried {

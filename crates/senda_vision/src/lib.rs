@@ -47,6 +47,7 @@ pub mod morphology;
 pub mod options;
 pub mod qr;
 pub mod street;
+pub mod stripes;
 pub mod width_profile;
 
 mod blob_pool;
@@ -68,4 +69,5 @@ pub use options::{BlobLimits, Channel, Contrast, ExtractorOptions};
 pub use qr::{QrCode, QrLimits, QrReader};
 pub use senda_core::{Canny, Gradients};
 pub use street::{StreetEyes, StreetView};
+pub use stripes::{Stripe, StripeFinder};
 pub use width_profile::WidthProfile;

@@ -18,12 +18,15 @@ use std::path::{Path, PathBuf};
 
 /// The lane driver on frames of somebody else's car. The curve form predicts the road from its own commands, which this
 /// vehicle does not obey, so each frame must speak for itself; a car for races has wider lanes and lines than the
-/// GoPiGo and looks further ahead (m), in the proportion of their sizes (guess).
-const FOREIGN_LANE: [&str; 5] = [
-    "form=\"document\"",
-    "follow.look_ahead_m=1.2",
+/// GoPiGo and looks further ahead (m), in the proportion of their sizes (guess). Where in its lane a person drives is
+/// theirs: the driver goes along the road from there.
+const FOREIGN_LANE: [&str; 7] = [
+    "form=\"road\"",
+    "road.centring=0",
+    "follow.pursuit_m=1.5",
     "shape.widest_m=0.9",
     "sight.line_width_m=0.05",
+    "sight.range_m=1.7",
     "loss.stop_after_m=100",
 ];
 
