@@ -29,7 +29,8 @@ pub enum Figure {
     RmseTraining,
     /// RMSE of the throttle on laps never learned from; none for rows that only steer.
     RmseThrottle,
-    /// NVIDIA's autonomy: per cent of the time that nobody would have had to take over, at 6 s for each departure.
+    /// NVIDIA's autonomy: per cent of the time that nobody would have had to take over, at 6 s for each time further than a metre
+    /// from the middle.
     Autonomy,
     /// Part of the laps that were driven without leaving the road (per cent).
     Clean,
@@ -128,7 +129,7 @@ impl Figure {
             Self::HeadingMean => other.heading_error_as_defined_rad.map(f64::to_degrees),
             Self::HeadingMax => other.heading_error_max_as_defined_rad.map(f64::to_degrees),
             Self::Smoothness => lap.smoothness.command_change_radps2,
-            Self::Autonomy => Some(autonomy(lap)),
+            Self::Autonomy => lap.autonomy.map(|part| 100.0 * part),
             Self::Clean => Some(if lap.completed { 100.0 } else { 0.0 }),
             Self::FirstDeparture => Some(lap.first_departure_s.unwrap_or(lap.duration_s)),
             Self::Rmse | Self::RmseTraining | Self::RmseThrottle => None,
@@ -147,19 +148,5 @@ impl Figure {
                 mean(&values?)
             }
         }
-    }
-}
-
-/// Seconds that an intervention of a human takes (Bojarski et al. 2016, section 7).
-const INTERVENTION_S: f64 = 6.0;
-
-/// (1 - interventions · 6 s / time) in per cent. A run that did not reach its goal was taken over once more.
-fn autonomy(lap: &Summary) -> f64 {
-    let gave_up = u32::from(lap.departures == 0 && !lap.completed);
-    let lost_s = INTERVENTION_S * f64::from(lap.departures + gave_up);
-    if lap.duration_s > 0.0 {
-        100.0 * (1.0 - lost_s / lap.duration_s).max(0.0)
-    } else {
-        0.0
     }
 }

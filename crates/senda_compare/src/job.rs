@@ -5,7 +5,7 @@ use crate::plan::{Condition, Plan, Purpose, Row};
 use senda_drivers::Answer;
 use senda_learn::Training;
 use senda_learn::gather::Selection;
-use senda_nets::{Colour, InputSpec, Network};
+use senda_nets::{Edges, InputSpec, Network, View};
 use senda_run::Scenario;
 use senda_run::scenario::{StartOffset, find_vehicle, find_world};
 use sha2::{Digest, Sha256};
@@ -121,21 +121,13 @@ pub(crate) fn prepared(row: &Row) -> Result<Vec<(Network, InputSpec, Vec<Answer>
 }
 
 fn input_of(row: &Row, network: &Network) -> Result<InputSpec, String> {
-    let mut input = InputSpec {
+    let view = View {
+        colour: row.colour,
         crop: row.crop,
-        ..InputSpec::of(network.input())
+        edges: row.edges.then(Edges::default),
+        stack: row.stack,
     };
-    // The document's networks of one channel look at saturation.
-    let own = if input.channels() == 1 {
-        Colour::Saturation
-    } else {
-        input.colour
-    };
-    input.colour = row.colour.unwrap_or(own);
-    match input.fault(network.input()) {
-        Some(fault) => Err(fault),
-        None => Ok(input),
-    }
+    InputSpec::for_network(network, &view)
 }
 
 /// A hash of texts, as a name.

@@ -161,6 +161,12 @@ pub struct Row {
     /// Colour space; left out: what the network's file or its channels say.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub colour: Option<Colour>,
+    /// Whether edges are added to what the network sees (prefix Edge- of B3).
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub edges: bool,
+    /// Frames that the network is shown at once; left out: what its file says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stack: Option<usize>,
     /// Other passes over the data than the plan's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub epochs: Option<u32>,

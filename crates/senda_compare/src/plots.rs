@@ -5,7 +5,7 @@ use crate::figure::Figure;
 use crate::job::{Task, Work};
 use crate::plan::{Control, Row};
 use crate::results::Results;
-use crate::work::{Crew, Shop, answers};
+use crate::work::{Crew, Shop};
 use senda_core::{Command, Drive};
 use senda_data::Recording;
 use senda_eval::Summary;
@@ -14,6 +14,7 @@ use senda_eval::plot::{Axis, COLOURS, LinePlot, Map, Rule, Series, Stroke, Track
 use senda_eval::report::{Part, PartFigure};
 use senda_eval::summary::truths;
 use senda_geom::{Vec2, angle};
+use senda_learn::offline;
 use senda_nets::Model;
 use senda_run::scenario::find_world;
 use senda_run::{Ears, drive};
@@ -123,7 +124,7 @@ impl Shop<'_> {
             };
             told.push((
                 lap.title.clone(),
-                steering(&answers(&model, &first)),
+                steering(&offline::answers(&model, &first)),
                 steering(&first.targets),
             ));
         }

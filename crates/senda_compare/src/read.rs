@@ -236,6 +236,8 @@ fn row(mut table: Table, is_known: &dyn Fn(&str) -> bool) -> Result<Row, Compare
         control,
         colour,
         crop,
+        edges: table.bool("edges", false)?,
+        stack: table.optional_whole("stack", 1, 16)?,
         epochs: table
             .optional_whole("epochs", 1, 100_000)?
             .map(|epochs| epochs as u32),

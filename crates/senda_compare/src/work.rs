@@ -5,9 +5,9 @@ use crate::job::{Jobs, Judgement, Lesson, Preparation, Task, Work};
 use crate::plan::Plan;
 use senda_core::whole_file;
 use senda_eval::Summary;
-use senda_learn::gather;
 use senda_learn::train::{self, News};
 use senda_learn::{Answers, Samples};
+use senda_learn::{gather, offline};
 use senda_nets::{Model, Provenance, Weights};
 use senda_run::scenario::find_vehicle;
 use senda_run::{Ears, Scenario, drive};
@@ -408,13 +408,13 @@ impl Shop<'_> {
         for (model, sets) in models.iter().zip(sets.chunks(2)) {
             let model = Model::load(&self.path(*model))?;
             let learned = self.samples(sets[0])?;
-            let training = errors(&model, &centre(&learned));
-            let held_out = errors(&model, &self.samples(sets[1])?);
-            for (index, output) in model.outputs.iter().enumerate() {
+            let training = offline::against_samples(&model, &centre(&learned));
+            let held_out = offline::against_samples(&model, &self.samples(sets[1])?);
+            for (training, held_out) in training.into_iter().zip(held_out) {
                 answers.push(OfflineAnswer {
-                    name: output.name.clone(),
-                    training: training[index],
-                    held_out: held_out[index],
+                    name: training.output,
+                    training: training.root_mean_square,
+                    held_out: held_out.root_mean_square,
                 });
             }
         }
@@ -428,42 +428,6 @@ fn centre(samples: &Samples) -> Samples {
         let is_side = run.name.ends_with("(left)") || run.name.ends_with("(right)");
         if is_side { 0..0 } else { 0..run.frames.len() }
     })
-}
-
-/// What a model answers to every frame, with the memory of the frame's own run, as while driving.
-pub(crate) fn answers(model: &Model, samples: &Samples) -> Vec<f32> {
-    let mut inference = model.inference();
-    let mut input = vec![0.0; samples.frame_len];
-    let mut answers = Vec::with_capacity(samples.len() * samples.outputs);
-    for stretch in samples.stretches() {
-        inference.reset_state();
-        for frame in stretch {
-            model.input.normalise(samples.frame(frame), &mut input);
-            answers.extend_from_slice(inference.run(&input));
-        }
-    }
-    answers
-}
-
-/// RMSE of each answer.
-fn errors(model: &Model, samples: &Samples) -> Vec<f64> {
-    let given = answers(model, samples);
-    let outputs = samples.outputs.max(1);
-    (0..outputs)
-        .map(|output| {
-            let squares: f64 = given
-                .iter()
-                .zip(&samples.targets)
-                .skip(output)
-                .step_by(outputs)
-                .map(|(given, target)| {
-                    let error = f64::from(*given) - f64::from(*target);
-                    error * error
-                })
-                .sum();
-            (squares / samples.len().max(1) as f64).sqrt()
-        })
-        .collect()
 }
 
 fn record(scenario: &Scenario, path: &Path, ears: &mut Ears) -> Result<bool, CompareError> {
