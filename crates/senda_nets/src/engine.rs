@@ -884,15 +884,12 @@ fn plan(layer: &Layer, chunk: usize, needs_gradient: bool, needs_input_gradient:
             stride,
             padding,
             ..
-        } => Operation::Lstm(lstm::Plan::new(
-            input,
-            output,
-            kernel,
-            stride,
-            padding,
-            chunk,
-            needs_gradient,
-            needs_input_gradient,
-        )),
+        } => {
+            let plan = lstm::Plan::new(input, output, kernel, stride, padding);
+            Operation::Lstm(match needs_gradient {
+                true => plan.with_backward(chunk, needs_input_gradient),
+                false => plan,
+            })
+        }
     }
 }

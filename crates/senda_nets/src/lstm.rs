@@ -98,38 +98,34 @@ impl WeightPlan {
 }
 
 impl Plan {
-    #[allow(clippy::too_many_arguments, reason = "a layer's shapes, and what it is for")]
     pub(crate) fn new(
         input: Shape,
         output: Shape,
         kernel: [usize; 2],
         stride: [usize; 2],
         padding: Padding,
-        chunk: usize,
-        needs_gradient: bool,
-        needs_input_gradient: bool,
     ) -> Self {
         let gates = Shape {
             channels: 4 * output.channels,
             ..output
         };
-        let mut plans = [
-            convolution::Plan::new(input, gates, kernel, stride, padding),
-            convolution::Plan::new(output, gates, kernel, [1, 1], Padding::Same).buffered(),
-        ];
-        if needs_gradient {
-            let [input, state] = plans;
-            plans = [
-                input.with_backward(needs_input_gradient),
-                state.with_backward(true),
-            ];
-        }
-        let [input, state] = plans;
         Self {
-            gradient: needs_gradient.then(|| WeightPlan::new(&input, &state, chunk)),
+            input: convolution::Plan::new(input, gates, kernel, stride, padding),
+            state: convolution::Plan::new(output, gates, kernel, [1, 1], Padding::Same).buffered(),
+            len: output.len(),
+            gradient: None,
+        }
+    }
+
+    /// Adds what the backward pass needs, for at most `chunk` images at once.
+    pub(crate) fn with_backward(self, chunk: usize, needs_input_gradient: bool) -> Self {
+        let input = self.input.with_backward(needs_input_gradient);
+        let state = self.state.with_backward(true);
+        Self {
+            gradient: Some(WeightPlan::new(&input, &state, chunk)),
             input,
             state,
-            len: output.len(),
+            len: self.len,
         }
     }
 

@@ -23,9 +23,9 @@
 //! ```
 
 use crate::blur::GaussianBlur;
-use crate::edges::{Gradients, sobel};
 use crate::luminance::luminance;
 use crate::{Contrast, FloorMap};
+use senda_core::edges::{Gradients, sobel};
 use senda_core::{Channels, Image};
 use senda_geom::Vec2;
 
