@@ -18,7 +18,7 @@ pub(crate) struct Arguments {
     /// Ready plan: document-b
     #[arg(long, value_name = "NAME")]
     preset: Option<String>,
-    /// File with further rows ([[row]]), such as one for your own network; may be given several times
+    /// File with further rows (`[[row]]`), such as one for your own network; may be given several times
     #[arg(long, value_name = "FILE")]
     add: Vec<PathBuf>,
     /// Train every row with the seeds 1 to N
