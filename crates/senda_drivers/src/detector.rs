@@ -71,23 +71,15 @@ impl Detector for NetworkDetector {
 mod tests {
     use super::*;
     use senda_core::Channels;
-    use senda_nets::{Crop, Darknet, InputSpec, Network, Provenance, Weights};
+    use senda_nets::{Crop, Darknet, Network, Weights};
 
     fn model(classes: [&str; 4]) -> Model {
         let darknet = Darknet::find("detector-small")
             .unwrap()
             .with_classes(&classes.map(str::to_owned))
             .unwrap();
-        Model {
-            weights: Weights::random(&darknet.network, 5),
-            input: InputSpec::of(darknet.network.input()),
-            network: darknet.network,
-            outputs: vec![],
-            provenance: Provenance::default(),
-            grids: vec![],
-            detection: Some(darknet.detection),
-            forgets: false,
-        }
+        let weights = Weights::random(&darknet.network, 5);
+        darknet.into_model(weights)
     }
 
     fn frame() -> Image {

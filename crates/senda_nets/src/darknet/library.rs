@@ -2,6 +2,7 @@
 
 use super::{Darknet, DarknetError};
 use crate::network::{Kind, Layer, Network, Shape};
+use crate::{InputSpec, Model, Provenance, Weights};
 use std::path::Path;
 
 const DETECTORS: &[(&str, &str)] = &[
@@ -113,6 +114,24 @@ impl Darknet {
                 detection,
                 warnings: self.warnings.clone(),
             }),
+        }
+    }
+
+    /// A model of this detector with weights, that scales pictures as darknet does and says nothing of where it comes from.
+    pub fn into_model(self, weights: Weights) -> Model {
+        Model {
+            weights,
+            input: InputSpec {
+                scale: 1.0 / 255.0,
+                offset: 0.0,
+                ..InputSpec::of(self.network.input())
+            },
+            network: self.network,
+            outputs: vec![],
+            provenance: Provenance::default(),
+            grids: vec![],
+            detection: Some(self.detection),
+            forgets: false,
         }
     }
 }

@@ -4,7 +4,7 @@ use super::Case;
 use crate::{RunError, Scenario};
 use senda_core::{Image, Observation, Vehicle};
 use senda_drivers::NetworkDetector;
-use senda_nets::{Darknet, InputSpec, Model, Provenance, Weights};
+use senda_nets::{Darknet, Weights};
 use senda_sim::{SimOptions, Simulator, Start};
 use senda_vision::street::trace::Expected;
 use senda_vision::{ClassicalDetector, Detector, ObjectClass, QrLimits, QrReader, StreetEyes};
@@ -54,16 +54,8 @@ pub fn random_detector() -> Result<NetworkDetector, RunError> {
     let darknet = Darknet::find("detector-small")
         .and_then(|darknet| darknet.with_classes(&ObjectClass::DOCUMENT.map(ObjectClass::name)))
         .map_err(|error| broken(error.to_string()))?;
-    let model = Model {
-        weights: Weights::random(&darknet.network, 5),
-        input: InputSpec::of(darknet.network.input()),
-        network: darknet.network,
-        outputs: vec![],
-        provenance: Provenance::default(),
-        grids: vec![],
-        detection: Some(darknet.detection),
-        forgets: false,
-    };
+    let weights = Weights::random(&darknet.network, 5);
+    let model = darknet.into_model(weights);
     NetworkDetector::new(&model, 0.5).map_err(|error| broken(error.to_string()))
 }
 

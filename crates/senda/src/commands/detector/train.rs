@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use senda_learn::detector::{DetectorTraining, Pictures, evaluate, train};
 use senda_learn::train::News;
-use senda_nets::{Darknet, DarknetWeights, InputSpec, Model, Provenance, Weights};
+use senda_nets::{Darknet, DarknetWeights, Model, Provenance, Weights};
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -206,22 +206,7 @@ fn begin(arguments: &Arguments, classes: &[String], seed: u64) -> Result<Model> 
         eprintln!("{name}: {} convolutions taken", read.convolutions);
         weights = read.weights;
     }
-    let shape = darknet.network.input();
-    Ok(Model {
-        weights,
-        // As darknet scales pictures.
-        input: InputSpec {
-            scale: 1.0 / 255.0,
-            offset: 0.0,
-            ..InputSpec::of(shape)
-        },
-        network: darknet.network,
-        outputs: vec![],
-        provenance: Provenance::default(),
-        grids: vec![],
-        detection: Some(darknet.detection),
-        forgets: false,
-    })
+    Ok(darknet.into_model(weights))
 }
 
 /// Writes darknet's files.
