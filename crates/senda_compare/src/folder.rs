@@ -4,9 +4,8 @@ use crate::job::Jobs;
 use crate::plan::Plan;
 use crate::plots::{self, Laps};
 use crate::results::Results;
-use crate::work::{Crew, Done, Shop};
+use crate::work::{Crew, Done, Shop, write};
 use crate::{CompareError, tables};
-use senda_core::whole_file;
 use senda_eval::report::Part;
 use std::path::{Path, PathBuf};
 
@@ -79,7 +78,7 @@ impl Comparison {
     pub fn open(plan: Plan, folder: &Path) -> Result<Self, CompareError> {
         let jobs = Jobs::of(&plan)?;
         std::fs::create_dir_all(folder).map_err(|source| CompareError::io(folder, source))?;
-        write(&folder.join(PLAN), &plan.to_toml())?;
+        write(&folder.join(PLAN), plan.to_toml().as_bytes())?;
         Ok(Self {
             plan,
             jobs,
@@ -120,7 +119,7 @@ impl Comparison {
     /// Does what is missing of a part. What is done stays, whatever happens.
     pub fn work(&self, part: PartOf, crew: &Crew) -> Result<Done, CompareError> {
         if part.count > 1 {
-            write(&self.folder.join(PART), &format!("{part}\n"))?;
+            write(&self.folder.join(PART), format!("{part}\n").as_bytes())?;
         }
         self.shop().work(&self.wanted(part), crew)
     }
@@ -159,11 +158,6 @@ impl Comparison {
         let parts = plots::parts(&self.plan.rows, &laps, &beside_human);
         Ok(Some((laps, parts)))
     }
-}
-
-fn write(path: &Path, text: &str) -> Result<(), CompareError> {
-    whole_file::replace(path, |file| file.write_all(text.as_bytes()))
-        .map_err(|source| CompareError::io(path, source))
 }
 
 /// Joins the folders of parts in one. The same part given twice changes nothing; what is missing is named with the command that makes
@@ -259,5 +253,5 @@ fn copy(from: &Path, to: &Path) -> Result<(), CompareError> {
     if let Some(folder) = to.parent() {
         std::fs::create_dir_all(folder).map_err(|source| CompareError::io(folder, source))?;
     }
-    whole_file::replace(to, |file| file.write_all(&bytes)).map_err(|source| CompareError::io(to, source))
+    write(to, &bytes)
 }

@@ -447,8 +447,11 @@ fn record(scenario: &Scenario, path: &Path, ears: &mut Ears) -> Result<bool, Com
 pub(crate) fn write_json<T: Serialize>(path: &Path, value: &T) -> Result<(), CompareError> {
     let mut text = serde_json::to_string_pretty(value).unwrap_or_default();
     text.push('\n');
-    whole_file::replace(path, |file| file.write_all(text.as_bytes()))
-        .map_err(|source| CompareError::io(path, source))
+    write(path, text.as_bytes())
+}
+
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), CompareError> {
+    whole_file::replace(path, |file| file.write_all(bytes)).map_err(|source| CompareError::io(path, source))
 }
 
 pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, CompareError> {

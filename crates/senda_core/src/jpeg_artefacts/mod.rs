@@ -16,7 +16,6 @@ use transform::Quantiser;
 /// Applies the artefacts; keeps its memory from frame to frame.
 #[derive(Debug, Clone)]
 pub struct JpegArtefacts {
-    quality: u8,
     brightness: Quantiser,
     colour: Quantiser,
     kind: Kind,
@@ -49,7 +48,6 @@ impl JpegArtefacts {
         #[cfg(not(target_arch = "x86_64"))]
         let kind = Kind::Portable;
         Self {
-            quality,
             brightness: Quantiser::new(&transform::BRIGHTNESS, quality),
             colour: Quantiser::new(&transform::COLOUR, quality),
             kind,
@@ -57,11 +55,6 @@ impl JpegArtefacts {
             half: Vec::new(),
             whole: Default::default(),
         }
-    }
-
-    /// The quality, 1..=100.
-    pub fn quality(&self) -> u8 {
-        self.quality
     }
 
     /// Writes into `result` what would be decoded if `image` were encoded.
