@@ -1,22 +1,11 @@
 //! Data hygiene, as a user types it.
 
-use assert_cmd::Command;
+mod support;
+
 use predicates::prelude::*;
 use predicates::str::contains;
 use std::path::{Path, PathBuf};
-
-fn senda(arguments: &[&str]) -> assert_cmd::assert::Assert {
-    Command::cargo_bin("senda").unwrap().args(arguments).assert()
-}
-
-fn json(arguments: &[&str]) -> serde_json::Value {
-    let output = senda(arguments).success();
-    serde_json::from_slice(&output.get_output().stdout).unwrap()
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
+use support::{json, senda, text};
 
 /// Records a short drive of the expert; the file's path is returned.
 fn record(folder: &Path, world: &str) -> PathBuf {

@@ -1,22 +1,11 @@
 //! From the simulator's pictures to a detector, as a user types it.
 
-use assert_cmd::Command;
+mod support;
+
 use predicates::prelude::*;
 use predicates::str::contains;
 use std::path::Path;
-
-fn senda(arguments: &[&str]) -> assert_cmd::assert::Assert {
-    Command::cargo_bin("senda").unwrap().args(arguments).assert()
-}
-
-fn json(arguments: &[&str]) -> serde_json::Value {
-    let output = senda(arguments).success();
-    serde_json::from_slice(&output.get_output().stdout).unwrap()
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
+use support::{json, senda, text};
 
 /// A few small pictures and a detector that was trained for a moment.
 fn trained(folder: &Path) -> serde_json::Value {

@@ -1,22 +1,12 @@
 //! From recordings to a driving network, as a user types it.
 
+mod support;
+
 use assert_cmd::Command;
 use predicates::prelude::*;
 use predicates::str::contains;
 use std::path::Path;
-
-fn senda(arguments: &[&str]) -> assert_cmd::assert::Assert {
-    Command::cargo_bin("senda").unwrap().args(arguments).assert()
-}
-
-fn json(arguments: &[&str]) -> serde_json::Value {
-    let output = senda(arguments).success();
-    serde_json::from_slice(&output.get_output().stdout).unwrap()
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
+use support::{json, senda, text};
 
 const NETWORK: &str = r#"
 [input]

@@ -1,46 +1,32 @@
 //! What a network looks at, two networks at the wheel, and errors against what was done: as a user types it.
 
-use assert_cmd::Command;
+mod support;
+
 use predicates::prelude::*;
 use predicates::str::contains;
 use std::path::Path;
+use support::{json, senda, text};
 
 const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/lane-small.senda");
 
-fn senda(arguments: &[&str]) -> assert_cmd::assert::Assert {
-    Command::cargo_bin("senda").unwrap().args(arguments).assert()
-}
-
-fn json(arguments: &[&str]) -> serde_json::Value {
-    let output = senda(arguments).success();
-    serde_json::from_slice(&output.get_output().stdout).unwrap()
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
+/// The shipped network at the wheel of a car on a circuit.
+const AT_THE_WHEEL: [&str; 9] = [
+    "drive",
+    "--world",
+    "unseen-1",
+    "--vehicle",
+    "picar",
+    "--driver",
+    "neural",
+    "--model",
+    MODEL,
+];
 
 /// A second of the shipped network on a road, and its recording.
 fn drive(folder: &Path, more: &[&str]) -> serde_json::Value {
     let runs = folder.join("runs");
-    let mut arguments = vec![
-        "drive",
-        "--world",
-        "unseen-1",
-        "--vehicle",
-        "picar",
-        "--driver",
-        "neural",
-        "--model",
-        MODEL,
-        "--time-limit",
-        "1",
-        "--record",
-        text(&runs),
-        "--json",
-    ];
-    arguments.extend(more);
-    json(&arguments)
+    let short = ["--time-limit", "1", "--record", text(&runs), "--json"];
+    json(&[&AT_THE_WHEEL[..], &short, more].concat())
 }
 
 #[test]
@@ -143,21 +129,10 @@ fn errors_against_what_was_done_and_two_networks_at_the_wheel() {
         .stdout(contains("RMSE"));
 
     // A second network that steers has no place beside the first.
-    senda(&[
-        "drive",
-        "--world",
-        "unseen-1",
-        "--vehicle",
-        "picar",
-        "--driver",
-        "neural",
-        "--model",
-        MODEL,
-        "--option",
-        &format!("throttle_model={MODEL}"),
-    ])
-    .failure()
-    .stderr(contains("throttle or speed alone"));
+    let second = format!("throttle_model={MODEL}");
+    senda(&[&AT_THE_WHEEL[..], &["--option", &second]].concat())
+        .failure()
+        .stderr(contains("throttle or speed alone"));
 
     let plan = folder.path().join("pedals.toml");
     std::fs::write(&plan, "network = \"tinypilotnet\"\nanswers = [\"throttle\"]\nedges = { low = 50, high = 90 }\n[training]\nepochs = 1\n").unwrap();

@@ -1,22 +1,12 @@
 //! A person at the wheel, as they type it: modes, scripts of keys, and a real terminal.
 
+mod support;
+
 use assert_cmd::Command;
 use predicates::prelude::*;
 use predicates::str::contains;
 use std::path::{Path, PathBuf};
-
-fn senda(arguments: &[&str]) -> assert_cmd::assert::Assert {
-    Command::cargo_bin("senda").unwrap().args(arguments).assert()
-}
-
-fn json(arguments: &[&str]) -> serde_json::Value {
-    let output = senda(arguments).success();
-    serde_json::from_slice(&output.get_output().stdout).unwrap()
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
+use support::{json, senda, text};
 
 const PLACE: [&str; 6] = ["--world", "circuit-1", "--vehicle", "picar", "--image", "64x48"];
 

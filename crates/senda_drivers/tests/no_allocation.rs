@@ -1,36 +1,14 @@
 //! Driving allocates nothing per frame once the first frames have passed.
-#![allow(unsafe_code, reason = "a counting allocator has no other way")]
 
+#[path = "../../senda_core/tests/counting/mod.rs"]
+mod counting;
 mod support;
 
 use senda_core::{Command, Driver, Explanation, Observation};
 use senda_drivers::{
     HoughDriver, HoughDriverOptions, LaneDriver, LaneOptions, LineDriver, LineOptions, Mask,
 };
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use support::{Floor, Loop, gopigo, s_curve};
-
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: everything is passed on to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promises hold for the system's allocator too.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: as above.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
 
 /// Counts the frames in which its driver allocated.
 struct Counted<D> {
@@ -41,9 +19,9 @@ struct Counted<D> {
 
 impl<D: Driver> Driver for Counted<D> {
     fn drive(&mut self, observation: &Observation) -> Command {
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let before = counting::allocations();
         let command = self.driver.drive(observation);
-        let after = ALLOCATIONS.load(Ordering::Relaxed);
+        let after = counting::allocations();
         self.frame += 1;
         if after > before {
             self.allocating.push(self.frame);

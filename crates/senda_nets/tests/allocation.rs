@@ -1,40 +1,21 @@
 //! After the first call nothing on the hot paths asks for memory.
 
+#[path = "../../senda_core/tests/counting/mod.rs"]
+mod counting;
+
 use senda_core::{Channels, Image};
 use senda_nets::{Edges, Eye, Inference, InputSpec, Network, Shape, TrainOptions, Trainer, Weights};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-struct Counting;
-
-static COUNT: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: everything is passed on to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        COUNT.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promise is passed on.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promise is passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 /// Allocations of three times this work, once everything is warm. A thread may begin late and allocate what every thread
 /// does at its start: the least of some attempts counts.
 fn allocations(mut work: impl FnMut()) -> usize {
     work();
     let mut attempt = || {
-        let before = COUNT.load(Ordering::Relaxed);
+        let before = counting::allocations();
         for _ in 0..3 {
             work();
         }
-        COUNT.load(Ordering::Relaxed) - before
+        counting::allocations() - before
     };
     (0..20).map(|_| attempt()).min().unwrap_or_default()
 }

@@ -1,34 +1,12 @@
 //! Extraction and fits allocate nothing once the first frames have passed.
-#![allow(unsafe_code, reason = "a counting allocator has no other way")]
 
+#[path = "../../senda_core/tests/counting/mod.rs"]
+mod counting;
 mod support;
 
 use senda_vision::{
     Contrast, ExtractorOptions, FloorLine, FloorMap, LineExtractor, LineFitter, WidthProfile,
 };
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: everything is passed on to the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promises hold for the system's allocator too.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: as above.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
 
 #[test]
 fn a_frame_allocates_nothing() {
@@ -55,7 +33,7 @@ fn a_frame_allocates_nothing() {
     };
     let found = round();
     assert!(found >= 20, "only {found}");
-    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    let before = counting::allocations();
     assert_eq!(round(), found);
-    assert_eq!(ALLOCATIONS.load(Ordering::Relaxed), before);
+    assert_eq!(counting::allocations(), before);
 }
