@@ -1,11 +1,12 @@
 """Rows A7 to A10 of document A in the simulator, from recordings to a fine-tuned network.
 
-    python benches/document_a.py SENDA FOLDER [--mobilenet]
+    python benches/document_a.py SENDA FOLDER [--mobilenet [WEIGHTS]]
 
 SENDA is the program, FOLDER is made and holds everything. Sixteen runs of a driver with a person's unrest on six circuits and five
 floors are learned, two other circuits judge; then the network drives all of them both ways, the places where it was worst are
 driven again by the person from beside the lane's middle, and the network is fine-tuned with them. `--mobilenet` also trains
-document A's first network, whose backbone is random here: without ImageNet's weights it shows the effort, not the quality.
+document A's first network over the backbone in WEIGHTS, a safetensors or ONNX file (docs/networks.md tells where one comes from);
+without it the backbone is random, which shows the effort and not the quality.
 Only Python's own library is needed. What is finished is not done again.
 """
 
@@ -23,7 +24,7 @@ JUDGES = ["unseen-1", "unseen-2"]
 PLAN = """
 [training]
 initialisation = "glorot"
-both_ways = true
+both_ways = {both_ways}
 batch = 32
 learning_rate = {rate}
 epochs = {epochs}
@@ -96,7 +97,7 @@ def main():
         record("judging", world, None, 101 + number, 9.9, 0.3, number == 1)
 
     # A9, A10.
-    train("a9", ["learning"], {"rate": 1e-3, "epochs": 10}, "--network", "pilotnet")
+    train("a9", ["learning"], {"rate": 1e-3, "epochs": 10, "both_ways": "true"}, "--network", "pilotnet")
     runs = drive("a9")
     worst = sorted((run for run in runs if run["world"] in KNOWN),
                    key=lambda run: (run["completed"], -run["lane_error_max_m"]))[:6]  # fmt: skip
@@ -105,12 +106,15 @@ def main():
         station_m = max(run["distance_m"] - 0.6, 0.1) if not run["completed"] else 0.5
         aside = ["--start-offset", "0.06" if number % 2 else "-0.06", "--start-heading-deg", "8" if number % 2 else "-8"]
         record("failures", run["world"], None, 201 + number, 6.0, station_m, run["reversed"], aside)
-    train("a10", ["learning", "failures"], {"rate": 3e-5, "epochs": 5}, "--from", folder / "a9.senda")
+    train("a10", ["learning", "failures"], {"rate": 3e-5, "epochs": 5, "both_ways": "true"}, "--from", folder / "a9.senda")
     drive("a10")
 
-    # A8.
+    # A8: the head alone learns, and no frame is mirrored.
     if "--mobilenet" in sys.argv:
-        train("a8", ["learning"], {"rate": 1e-3, "epochs": 2}, "--network", "mobilenetv2-head")
+        weights = sys.argv[sys.argv.index("--mobilenet") + 1 :]
+        plan = {"rate": 1e-3, "epochs": 10, "both_ways": "false"}
+        train("a8", ["learning"], plan, "--network", "mobilenetv2-head", *(["--from", weights[0]] if weights else []))
+        drive("a8")
 
 
 if __name__ == "__main__":

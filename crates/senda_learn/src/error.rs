@@ -97,6 +97,9 @@ pub enum LearnError {
     /// A model file.
     #[error(transparent)]
     Model(#[from] senda_nets::ModelError),
+    /// Weights that others trained.
+    #[error(transparent)]
+    Adopt(#[from] senda_nets::AdoptError),
     /// Data.
     #[error(transparent)]
     Data(#[from] senda_data::DataError),

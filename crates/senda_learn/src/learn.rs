@@ -1,15 +1,16 @@
 //! The whole path in one: the expert drives, a network learns, drives itself, is corrected, learns again.
 
 use crate::augment::Answers;
+use crate::beginning::begin;
 use crate::correct::{self, Brief, Gathered, Gathering};
 use crate::train::{Epoch, Lesson, News, Training, train};
 use crate::{LearnError, Samples, store};
 use senda_drivers::Answer;
-use senda_nets::{Colour, Crop, Edges, InputSpec, Model, Network, Provenance, View, Weights};
+use senda_nets::{Colour, Crop, Edges, InputSpec, Model, Network, Provenance, View};
 use senda_run::sweep::{self, Plan};
 use senda_run::{Ears, Scenario};
 use serde::{Deserialize, Serialize};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A whole experiment. The resolved copy lies in its folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -17,6 +18,8 @@ use std::path::Path;
 pub struct Learning {
     /// Ready network or network file.
     pub network: String,
+    /// Weights to begin with, for the layers that fit; left out: fresh ones.
+    pub from: Option<PathBuf>,
     /// Colour space; left out: as many channels as the network has.
     pub colour: Option<Colour>,
     /// What is cut off the camera's frame.
@@ -71,6 +74,7 @@ impl Default for Learning {
     fn default() -> Self {
         Self {
             network: "lane-small".into(),
+            from: None,
             colour: None,
             crop: Crop {
                 top: 0.25,
@@ -211,6 +215,8 @@ pub struct Round {
 /// What is said on the way.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Stage {
+    /// Something to know about the first weights.
+    Weights(String),
     /// Gathering frames: so many of so many.
     Gathering(u32, usize, usize),
     /// Training: part done, running loss.
@@ -251,8 +257,17 @@ pub fn learn(
     same_experiment(learning, &folder.join("experiment.toml"))?;
 
     let forgets = learning.training.forgets(&network);
+    let (weights, note) = begin(
+        &network,
+        &learning.training,
+        learning.seed,
+        learning.from.as_deref(),
+    )?;
+    if let Some(note) = note {
+        tell(Stage::Weights(note));
+    }
     let mut model = Model {
-        weights: Weights::initialised(&network, learning.training.initialisation, learning.seed),
+        weights,
         network,
         input,
         outputs: learning.answers.iter().map(|answer| answer.output()).collect(),

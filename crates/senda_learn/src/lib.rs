@@ -23,6 +23,7 @@
 
 pub mod augment;
 mod balance;
+pub mod beginning;
 mod checkpoint;
 pub mod correct;
 pub mod detector;

@@ -16,6 +16,9 @@ pub(crate) struct Arguments {
     /// Ready network (`senda net list`) or network file
     #[arg(long, value_name = "NETWORK")]
     network: Option<String>,
+    /// Begin with these weights, for the layers that fit: a model, safetensors or ONNX
+    #[arg(long, value_name = "FILE")]
+    from: Option<PathBuf>,
     /// Vehicle
     #[arg(long, value_name = "VEHICLE")]
     vehicle: Option<String>,
@@ -60,6 +63,9 @@ impl Arguments {
         if let Some(network) = &self.network {
             learning.network.clone_from(network);
         }
+        if let Some(from) = &self.from {
+            learning.from = Some(from.clone());
+        }
         if let Some(vehicle) = &self.vehicle {
             learning.gathering.vehicle.clone_from(vehicle);
         }
@@ -85,6 +91,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let bar = terminal::bar("learn");
     let place = |part: f64| bar.set_position((1000.0 * part) as u64);
     let tell = |stage: Stage| match stage {
+        Stage::Weights(note) => bar.suspend(|| eprintln!("{note}")),
         Stage::Gathering(round, done, of) => {
             bar.set_message(format!("round {round}: driving {done}/{of}"));
             place(done as f64 / of.max(1) as f64);

@@ -7,12 +7,13 @@ use clap::Args;
 use senda_drivers::Answer;
 use senda_learn::{
     Answers, Samples, Split,
+    beginning::begin,
     gather::{self, Data, Selection},
     learn::network_for,
     split::split,
     train::{self, Errors, Lesson, News, Training},
 };
-use senda_nets::{Colour, Crop, Edges, InputSpec, Model, Provenance, View, Weights};
+use senda_nets::{Colour, Crop, Edges, InputSpec, Model, Provenance, View};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -142,7 +143,7 @@ pub(crate) struct Arguments {
     /// Threads; without it one for each core. The result does not depend on it
     #[arg(long, value_name = "N")]
     jobs: Option<usize>,
-    /// Go on from this model's weights (fine-tuning)
+    /// Go on from these weights: a model (fine-tuning), or others' weights for the network (safetensors, ONNX)
     #[arg(long, value_name = "FILE")]
     from: Option<PathBuf>,
     /// Keep a checkpoint in this folder, and go on from it when it exists
@@ -224,25 +225,28 @@ impl Arguments {
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let experiment = arguments.experiment()?;
     let began_ns = terminal::clock_ns();
-    let mut network = network_for(&experiment.network, &experiment.answers)?;
-    let mut weights = Weights::initialised(
-        &network,
-        experiment.training.initialisation,
-        experiment.training.seed,
-    );
-    let mut input = if let Some(path) = &arguments.from {
+    let is_model = |path: &&PathBuf| {
+        let extension = path.extension().and_then(|extension| extension.to_str());
+        !matches!(extension, Some("safetensors" | "onnx"))
+    };
+    let (network, weights, mut input) = if let Some(path) = arguments.from.as_ref().filter(is_model) {
         let model = Model::load(path)?;
-        network = model.network;
-        weights = model.weights;
-        model.input
+        (model.network, model.weights, model.input)
     } else {
+        let network = network_for(&experiment.network, &experiment.answers)?;
+        let seed = experiment.training.seed;
+        let (weights, note) = begin(&network, &experiment.training, seed, arguments.from.as_deref())?;
+        if let Some(note) = note {
+            eprintln!("{note}");
+        }
         let view = View {
             colour: experiment.colour,
             crop: experiment.crop,
             edges: experiment.edges,
             stack: experiment.stack,
         };
-        InputSpec::for_network(&network, &view).map_err(|fault| anyhow::anyhow!("{fault}"))?
+        let input = InputSpec::for_network(&network, &view).map_err(|fault| anyhow::anyhow!("{fault}"))?;
+        (network, weights, input)
     };
     let body = senda_run::scenario::find_vehicle(&experiment.vehicle)?.body();
     let bar = terminal::bar("reading");
