@@ -115,12 +115,44 @@ pub fn open_runs(path: &Path, body: &Body) -> Result<Vec<Recording>, DataError> 
     }
 }
 
-/// The MCAP files directly in a folder, sorted by name.
+/// The MCAP files in a folder and up to two folders below it, sorted by name.
 pub fn recordings_in(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
-    let names = Store::Folder(folder.to_owned()).files_in("")?;
-    Ok(names
-        .iter()
-        .map(|name| folder.join(name))
-        .filter(|path| has_end(path, "mcap"))
-        .collect())
+    let is_one = |name: &str| has_end(Path::new(name), "mcap");
+    let store = Store::Folder(folder.to_owned());
+    let mut found = Vec::new();
+    for inside in store.folders_with(&is_one)? {
+        let names = store.files_in(&inside)?;
+        let recordings = names.iter().filter(|name| is_one(name));
+        found.extend(recordings.map(|name| folder.join(&inside).join(name)));
+    }
+    found.sort();
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recordings_are_found_in_the_folder_and_below() {
+        let top = tempfile::tempdir().unwrap();
+        let folder = top.path();
+        let put = |name: &str| {
+            let path = folder.join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(&path, b"").unwrap();
+            path
+        };
+        let below = [
+            put("monday/a.mcap"),
+            put("monday/b.mcap"),
+            put("tuesday/late/c.MCAP"),
+        ];
+        put("monday/report.html");
+        put("far/too/deep/d.mcap");
+        assert_eq!(recordings_in(folder).unwrap(), below);
+        // Recordings beside folders are the data set; what else lies in the folders is something else.
+        let beside = put("e.mcap");
+        assert_eq!(recordings_in(folder).unwrap(), [beside]);
+    }
 }
