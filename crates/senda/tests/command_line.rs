@@ -62,8 +62,10 @@ fn the_same_run_gives_the_same_bytes_and_its_replay_the_same_commands() {
         "two recordings of the same run differ"
     );
     let recording = folder.path().join("a/straight-gopigo-line-5.mcap");
-    let replay = json(&["replay", text(&recording), "--json"]);
+    let report = folder.path().join("replay.html");
+    let replay = json(&["replay", text(&recording), "--json", "--report", text(&report)]);
     assert_eq!(replay["different_commands"], 0);
+    assert!(!std::fs::read_to_string(&report).unwrap().contains("no summary"));
     assert!(replay["steps"].as_u64().unwrap() > 20);
     let other = json(&[&["drive", "--json", "--seed", "6"], &SHORT[..]].concat());
     let same = json(&[&["drive", "--json", "--seed", "5"], &SHORT[..]].concat());
@@ -247,7 +249,21 @@ fn worlds_are_drawn_made_and_printed() {
     senda(&["world", "draw", "oval", "--out", text(&at("oval.svg"))]).success();
     senda(&["world", "draw", "oval", "--out", text(&at("oval.png"))]).success();
     senda(&["world", "random", "--seed", "3", "--out", text(&at("made.toml"))]).success();
-    senda(&["world", "check", text(&at("made.toml"))]).success();
+    senda(&["world", "check", text(&at("made.toml")), "oval"]).success();
+    let stores = at("stores.toml");
+    let family = [
+        "world",
+        "random",
+        "--family",
+        "random-warehouse",
+        "--out",
+        text(&stores),
+    ];
+    senda(&family).success();
+    senda(&["world", "check", text(&stores)]).success();
+    senda(&[&family[..], &["--length", "4,9"]].concat())
+        .failure()
+        .stderr(predicate::str::contains("its own measures"));
     senda(&["world", "print", "oval", "--out", text(&at("oval.pdf"))]).success();
     // A road lap through way points, and what is wrong with a file of them.
     let points = "140,0\n100,80\n0,100\n-100,70\n-140,0\n-90,-80\n10,-100\n110,-70\n";

@@ -63,6 +63,7 @@ pub use export::{Exported, export};
 pub use import::{Imported, import};
 pub use info::{Info, info};
 pub use open::{Format, open, open_runs};
+pub use reader::NO_SUMMARY;
 pub use recording::{EncodedFrame, FORMAT, Recording, RecordingHeader, Step};
 pub use replay::{Difference, Replay};
 pub use stats::{Stats, stats};

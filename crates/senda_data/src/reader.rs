@@ -12,6 +12,9 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 
+/// The warning about a recording that nobody finished.
+pub const NO_SUMMARY: &str = "there is no summary: the run was ended before it was finished";
+
 /// What a channel carries.
 #[derive(Debug, Clone, PartialEq)]
 enum Topic {
@@ -213,9 +216,7 @@ impl Collected {
                 format!("the file is cut off after byte {byte}: {until}")
             });
         } else if self.summary.is_none() {
-            self.warnings.add("missing summaries", || {
-                "there is no summary: the run was ended before it was finished".into()
-            });
+            self.warnings.add("missing summaries", || NO_SUMMARY.into());
         }
         steps
     }

@@ -1,7 +1,7 @@
 //! Runs a driver over what was recorded: by senda, or by somebody else.
 
 use crate::{Ears, Pilot, RunError, Scenario, drive};
-use senda_data::{Recording, RecordingWriter, Replay};
+use senda_data::{NO_SUMMARY, Recording, RecordingWriter, Replay};
 use senda_world::World;
 use std::io::Cursor;
 
@@ -74,8 +74,11 @@ pub fn run(recording: Recording, options: &Options, ears: &mut Ears) -> Result<R
         Some(recorder) => recorder.finish_without_summary()?.into_inner(),
         None => Vec::new(),
     };
+    let mut recording = Recording::from_bytes(&bytes)?;
+    // A replay has none to begin with.
+    recording.warnings.retain(|warning| warning != NO_SUMMARY);
     Ok(Replayed {
-        recording: Recording::from_bytes(&bytes)?,
+        recording,
         steps: vehicle.compared(),
         different_commands: vehicle.differences(),
         damaged_frames: vehicle.damaged_frames(),

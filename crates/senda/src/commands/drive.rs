@@ -151,7 +151,7 @@ pub(crate) fn parse_option_list(options: &[String]) -> Result<toml::Table> {
 /// `follow.kp=1.2` sets the key `kp` of the table `follow`.
 fn parse_option(option: &str) -> Result<toml::Table> {
     let Some((key, value)) = option.split_once('=') else {
-        bail!("--option {option}: expected KEY=VALUE, such as kp=1.2");
+        bail!("--option {option}: expected KEY=VALUE, such as form=document");
     };
     toml::from_str(&format!("{key} = {value}"))
         // A bare word is a string.

@@ -23,7 +23,7 @@ enum What {
     List,
     /// Read a world file and say what is wrong with it
     Check {
-        /// World files
+        /// World files, or names of ready worlds
         #[arg(required = true)]
         files: Vec<PathBuf>,
         /// Vehicle that should fit
@@ -52,7 +52,7 @@ enum What {
         /// Seed
         #[arg(long, default_value_t = 1)]
         seed: u64,
-        /// Family: random-line, random-lane, random-circuit or random-road
+        /// Family: random-line, random-lane, random-circuit, random-road, … (`senda world list` shows all)
         #[arg(long, default_value = "random-line")]
         family: String,
         /// Tightest curve (m)
@@ -155,17 +155,17 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             length,
             out,
         } => {
-            if family == random::ROAD {
-                if min_radius.is_some() || length.is_some() {
-                    bail!(
-                        "--min-radius, --length: expected another family, for roads have their own measures"
-                    );
-                }
-                return write_world(&World::random_road(seed), &out);
-            }
             let Some(mut difficulty) = random::difficulty(&family) else {
                 let known: Vec<&str> = random::FAMILIES.iter().map(|(name, _)| *name).collect();
-                bail!("--family {family}: expected one of {}", known.join(", "));
+                if !known.contains(&family.as_str()) {
+                    bail!("--family {family}: expected one of {}", known.join(", "));
+                }
+                if min_radius.is_some() || length.is_some() {
+                    bail!(
+                        "--min-radius, --length: expected another family, for {family} has its own measures"
+                    );
+                }
+                return write_world(&find_world(&format!("{family}:{seed}"))?, &out);
             };
             difficulty.min_radius_m = min_radius.unwrap_or(difficulty.min_radius_m);
             if let Some(length) = length {
@@ -290,17 +290,23 @@ fn check(files: &[PathBuf], vehicle: Option<&str>) -> Result<()> {
     let vehicle = vehicle.map(senda_run::scenario::find_vehicle).transpose()?;
     let mut broken = 0;
     for file in files {
-        match World::load(file) {
+        let name = file.to_str().filter(|_| !file.exists());
+        let loaded = match name.and_then(|name| find_world(name).ok()) {
+            Some(world) => Ok((world, Vec::new())),
+            None => World::load(file),
+        };
+        match loaded {
             Ok((world, mut warnings)) => {
                 if let Some(vehicle) = &vehicle {
                     warnings.extend(world.check_vehicle(vehicle));
                 }
                 let closed = if world.path.is_closed() { "closed" } else { "open" };
                 println!(
-                    "{}: {:.2} m, {closed}, {} warnings",
+                    "{}: {:.2} m, {closed}, {} warning{}",
                     file.display(),
                     world.path.length_m(),
-                    warnings.len()
+                    warnings.len(),
+                    if warnings.len() == 1 { "" } else { "s" }
                 );
                 for warning in warnings {
                     eprintln!("warning: {warning}");

@@ -5,6 +5,7 @@ use super::view::{Outline, Squares, Stand};
 use senda_core::threads::both;
 use senda_world::FloorPainting;
 use senda_world::paint::{Brush, Painter, Window};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{RwLock, RwLockReadGuard};
 
 /// Level in which a tile is one texel.
@@ -22,9 +23,24 @@ const BATCH: usize = 8;
 /// Nothing of a tile is ready.
 const NOTHING: u8 = u8::MAX;
 
+/// How much further than a camera looks the floor is painted: this often less is asked whether it is (texels; angle in rad).
+const AROUND: (f64, f64) = (24.0, 0.05);
+
+/// The number of the next ground.
+static NEXT: AtomicU64 = AtomicU64::new(0);
+
+/// From where everything that a camera sees of a ground is known to be painted.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Painted {
+    ground: u64,
+    from: Stand,
+}
+
 /// The floor's texture. Looks see the same texels whoever looked first, and however many look at once.
 #[derive(Debug)]
 pub(super) struct Ground {
+    /// Tells it from all others.
+    number: u64,
     levels: usize,
     floor: RwLock<Floor>,
 }
@@ -98,6 +114,7 @@ impl Ground {
             ready: vec![false; count(&squares(level))],
         };
         Self {
+            number: NEXT.fetch_add(1, Ordering::Relaxed),
             levels: texture.levels(),
             floor: RwLock::new(Floor {
                 rest: Some(Rest {
@@ -125,6 +142,7 @@ impl Ground {
             painting.outside,
         );
         Self {
+            number: NEXT.fetch_add(1, Ordering::Relaxed),
             levels: texture.levels(),
             floor: RwLock::new(Floor { texture, rest: None }),
         }
@@ -135,20 +153,30 @@ impl Ground {
         self.levels
     }
 
-    /// The texture, with everything painted that lies within the outlines of a camera that stands somewhere.
+    /// The texture, with everything painted that lies within the outlines of a camera that stands somewhere. `painted` is what is
+    /// known of the camera's last look.
     pub(super) fn seen(
         &self,
         outlines: &[Outline],
         stand: &Stand,
+        painted: &mut Option<Painted>,
         spans: &mut Vec<[f64; 2]>,
     ) -> RwLockReadGuard<'_, Floor> {
+        if painted.is_some_and(|known| known.ground == self.number && known.from.covers(stand)) {
+            return self.read();
+        }
+        let from = stand.widened(AROUND.0, AROUND.1);
+        *painted = Some(Painted {
+            ground: self.number,
+            from,
+        });
         let floor = self.read();
-        if !floor.lacks(outlines, stand, spans) {
+        if !floor.lacks(outlines, &from, spans) {
             return floor;
         }
         drop(floor);
         let mut floor = self.floor.write().expect(PAINTED);
-        floor.complete(outlines, stand, spans);
+        floor.complete(outlines, &from, spans);
         drop(floor);
         // Nothing is ever taken away again.
         self.read()

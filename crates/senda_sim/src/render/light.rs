@@ -38,6 +38,8 @@ pub(super) struct LightGrid {
     lights: Vec<LightNode>,
     /// Whether there is reflected light.
     pub(super) glows: bool,
+    /// The gain of `lights`, where nothing is reflected: they stay as they are while it does.
+    matt_gain: Option<[f64; 3]>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -92,6 +94,7 @@ impl LightGrid {
             lights: vec![[0; 8]; nodes.len()],
             mirrored: vec![[0.0; 4]; nodes.len()],
             glows: false,
+            matt_gain: None,
             nodes,
             surfaces,
             spread_squared: (spread * spread) as f32,
@@ -114,6 +117,11 @@ impl LightGrid {
         lamps: &[MirroredLamp],
         mirror: Option<&Mirror>,
     ) {
+        let matt_gain = mirror.is_none().then_some(gain);
+        if matt_gain.is_some() && matt_gain == self.matt_gain {
+            return;
+        }
+        self.matt_gain = matt_gain;
         let encoded = gain.map(|value| value.max(0.0).sqrt());
         let gain = four(encoded.map(|value| (value * GAIN_ONE) as f32));
         let glow = four(encoded.map(|value| (value * 255.0 * GLOW_ONE) as f32));

@@ -25,6 +25,7 @@ pub use scene::Scene;
 pub use texture::MipTexture;
 
 use blur::LensBlur;
+use ground::Painted;
 use kernel::{Colours, GROUP, LEVELS, Look, Looks, MOST_LOOKS_LOG2, STEPS_PER_TEXEL, Shading, Texels};
 use light::LightGrid;
 use noise::NoiseTile;
@@ -120,6 +121,8 @@ pub struct Renderer {
     /// What it sees of the floor.
     outlines: Vec<Outline>,
     spans: Vec<[f64; 2]>,
+    /// What is known to be painted.
+    painted: Option<Painted>,
 }
 
 impl Renderer {
@@ -150,6 +153,7 @@ impl Renderer {
             faces: Vec::with_capacity(scene.uprights().len()),
             outlines: Outline::of_groups(table.floor_groups()),
             spans: Vec::new(),
+            painted: None,
             table,
             light,
             blur: LensBlur::new(optics.blur_px, groups),
@@ -188,9 +192,12 @@ impl Renderer {
         );
         upright::prepare(scene.uprights(), &self.camera, shot, &self.table, &mut self.faces);
         let looks_log2 = self.looks_for(&shot.motion);
-        let ground = scene
-            .ground()
-            .seen(&self.outlines, &stand(scene, shot), &mut self.spans);
+        let ground = scene.ground().seen(
+            &self.outlines,
+            &stand(scene, shot),
+            &mut self.painted,
+            &mut self.spans,
+        );
         let (floor, backdrop) = (floor_looks(scene, shot), backdrop_looks(shot));
         let mut sampler = Sampler {
             kernel: self.kernel,
@@ -339,35 +346,47 @@ fn stand(scene: &Scene, shot: &Shot) -> Stand {
 fn floor_looks(scene: &Scene, shot: &Shot) -> Looks {
     let mut looks: Looks = Default::default();
     let motion = &shot.motion;
-    let per_texel = 1.0 / scene.metres_per_texel();
-    for log2 in 0..=MOST_LOOKS_LOG2 {
-        for (index, time, part) in instants(log2) {
-            let pose = if motion.exposure_s > 0.0 {
+    if motion.exposure_s > 0.0 {
+        for log2 in 0..=MOST_LOOKS_LOG2 {
+            for (index, time, part) in instants(log2) {
                 let elapsed_s = time * motion.exposure_s;
-                shot.world_from_vehicle
-                    .advance(motion.speed_mps, motion.yaw_rate_radps, elapsed_s)
-            } else {
-                shot.world_from_vehicle
-            };
-            let (sin, cos) = trig::sincos(pose.heading_rad);
-            let at = (pose.position() - scene.origin()) * per_texel * STEPS_PER_TEXEL;
-            let mut look = Look {
-                cos: cos as f32,
-                sin: sin as f32,
-                part: part as f32,
-                origin: [[0.0; 2]; LEVELS],
-            };
-            for (level, origin) in look.origin.iter_mut().enumerate() {
-                let shrink = 1.0 / f64::from(1u32 << level);
-                *origin = [
-                    (at.x * shrink + MipTexture::ORIGIN) as f32,
-                    (at.y * shrink + MipTexture::ORIGIN) as f32,
-                ];
+                let pose =
+                    shot.world_from_vehicle
+                        .advance(motion.speed_mps, motion.yaw_rate_radps, elapsed_s);
+                looks[index] = floor_look(scene, pose, part);
             }
-            looks[index] = look;
+        }
+    } else {
+        let still = floor_look(scene, shot.world_from_vehicle, 0.0);
+        for log2 in 0..=MOST_LOOKS_LOG2 {
+            for (index, _, part) in instants(log2) {
+                looks[index] = Look {
+                    part: part as f32,
+                    ..still
+                };
+            }
         }
     }
     looks
+}
+
+fn floor_look(scene: &Scene, pose: Pose2, part: f64) -> Look {
+    let (sin, cos) = trig::sincos(pose.heading_rad);
+    let at = (pose.position() - scene.origin()) * (1.0 / scene.metres_per_texel()) * STEPS_PER_TEXEL;
+    let mut look = Look {
+        cos: cos as f32,
+        sin: sin as f32,
+        part: part as f32,
+        origin: [[0.0; 2]; LEVELS],
+    };
+    for (level, origin) in look.origin.iter_mut().enumerate() {
+        let shrink = 1.0 / f64::from(1u32 << level);
+        *origin = [
+            (at.x * shrink + MipTexture::ORIGIN) as f32,
+            (at.y * shrink + MipTexture::ORIGIN) as f32,
+        ];
+    }
+    look
 }
 
 fn backdrop_looks(shot: &Shot) -> Looks {

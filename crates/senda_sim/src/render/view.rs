@@ -32,6 +32,24 @@ pub(super) struct Stand {
     pub(super) turned: f64,
 }
 
+impl Stand {
+    /// The same place with more room around it (texels; angle in rad).
+    pub(super) fn widened(&self, astray: f64, turned: f64) -> Self {
+        Self {
+            astray: self.astray + astray,
+            turned: self.turned + turned,
+            ..*self
+        }
+    }
+
+    /// Whether everything that is seen from the other stand is seen from this one too. What a turn moves, it moves by the chord of
+    /// the angle times the distance, which is how outlines take it.
+    pub(super) fn covers(&self, other: &Self) -> bool {
+        let chord = Vec2::new(self.cos - other.cos, self.sin - other.sin).length();
+        (self.at - other.at).length() + other.astray <= self.astray && chord + other.turned <= self.turned
+    }
+}
+
 /// Equal squares over a texture, and what lies around them: row and column 0 lie before the texture, 1 and following
 /// on it, the last ones beyond it.
 #[derive(Debug, Clone, Copy)]
@@ -207,4 +225,31 @@ fn intersection(directions: &[Vec2; SIDES], supports: &[f64; SIDES]) -> Vec<Vec2
         corners = kept;
     }
     corners
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wider_stand_covers_small_moves_and_turns() {
+        let stand = |x: f64, heading: f64, astray: f64, turned: f64| {
+            let (sin, cos) = trig::sincos(heading);
+            Stand {
+                at: Vec2::new(x, 0.0),
+                cos,
+                sin,
+                astray,
+                turned,
+            }
+        };
+        let wide = stand(0.0, 3.13, 0.0, 0.0).widened(10.0, 0.05);
+        assert!(wide.covers(&stand(9.9, 3.13, 0.0, 0.0)));
+        assert!(wide.covers(&stand(0.0, -3.12, 0.0, 0.0)));
+        assert!(!wide.covers(&stand(10.1, 3.13, 0.0, 0.0)));
+        assert!(!wide.covers(&stand(0.0, 3.05, 0.0, 0.0)));
+        // What the other one strays while its shutter is open counts too.
+        assert!(!wide.covers(&stand(9.0, 3.13, 2.0, 0.0)));
+        assert!(!wide.covers(&stand(0.0, 3.10, 0.0, 0.03)));
+    }
 }
