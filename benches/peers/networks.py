@@ -11,6 +11,7 @@ for networks with a memory, its column is empty.
 
 import pathlib
 import statistics
+import subprocess
 import sys
 import time
 import tomllib
@@ -19,12 +20,6 @@ import numpy as np
 import onnxruntime
 import torch
 from torch import nn
-
-try:
-    import tensorflow
-except ImportError:
-    tensorflow = None
-
 
 MOMENTS = 16
 
@@ -90,33 +85,10 @@ def build(network):
 
 
 def lite(network):
-    """A TensorFlow Lite interpreter of the same chain, ready to invoke; none where it has other layers or there is no TensorFlow."""
-    if tensorflow is None:
-        return None
-    layers = tensorflow.keras.layers
-    size = network["input"]
-    chain = [tensorflow.keras.Input((size["height"], size["width"], size["channels"]), batch_size=1)]
-    for layer in network["layer"]:
-        activation = layer.get("activation", "linear")
-        match layer["kind"]:
-            case "convolution":
-                chain.append(layers.Conv2D(layer["filters"], layer["kernel"], layer["stride"], activation=activation))
-            case "max_pool":
-                chain.append(layers.MaxPooling2D(layer["size"], layer["stride"]))
-            case "dropout":
-                chain.append(layers.Dropout(0.2))
-            case "flatten":
-                chain.append(layers.Flatten())
-            case "dense":
-                chain.append(layers.Dense(layer["units"], activation=activation))
-            case other:
-                return None
-    model = tensorflow.lite.TFLiteConverter.from_keras_model(tensorflow.keras.Sequential(chain)).convert()
-    interpreter = tensorflow.lite.Interpreter(model_content=model, num_threads=1)
-    interpreter.allocate_tensors()
-    place = interpreter.get_input_details()[0]
-    interpreter.set_tensor(place["index"], np.full(place["shape"], 0.25, dtype=np.float32))
-    return interpreter
+    """Milliseconds of TensorFlow Lite; None without TensorFlow, or with layers that it does not have."""
+    script = pathlib.Path(__file__).with_name("lite.py")
+    done = subprocess.run([sys.executable, script, network], capture_output=True, text=True)
+    return float(done.stdout.split()[-1]) if done.returncode == 0 else None
 
 
 def median(work, repeats, rounds=9):
@@ -145,8 +117,8 @@ def main():
         given = {i.name: np.zeros([1, *i.shape[1:]], dtype=np.float32) for i in session.get_inputs()}
         given["input"] = one
         runtime = median(lambda: session.run(None, given), repeats) * 1e3
-        interpreter = lite(network)
-        light = f"{median(interpreter.invoke, repeats) * 1e3:12.4f}" if interpreter else f"{'-':>12}"
+        light_ms = lite(folder / "network.toml")
+        light = f"{'-':>12}" if light_ms is None else f"{light_ms:12.4f}"
         net = build(network)
         if net is None:
             print(f"{folder.name:30}{'-':>28}{'-':>12}{runtime:17.4f}{light}")
