@@ -23,7 +23,7 @@ BATCH = 32
 def read(tub):
     """Frames [count, 3, 66, 200] from -1 to 1, and the human's steering."""
     records = []
-    for catalog in sorted(tub.glob("*.catalog")):
+    for catalog in sorted(tub.glob("[!.]*.catalog")):
         records += [json.loads(line) for line in catalog.read_text().splitlines() if line.strip()]
     records.sort(key=lambda record: record["_index"])
     frames = []
