@@ -5,13 +5,13 @@
 Its own program: TensorFlow and PyTorch do not live in one process. Needs tensorflow and numpy.
 """
 
-import statistics
 import sys
-import time
 import tomllib
 
 import numpy as np
 import tensorflow
+
+from timing import median
 
 
 def converted(network):
@@ -47,14 +47,7 @@ def main():
         interpreter = converted(tomllib.load(file))
     if interpreter is None:
         sys.exit("a layer that Keras does not have")
-    repeats = 200
-    times = []
-    for _ in range(9):
-        start = time.perf_counter()
-        for _ in range(repeats):
-            interpreter.invoke()
-        times.append((time.perf_counter() - start) / repeats)
-    print(statistics.median(times) * 1e3)
+    print(median(interpreter.invoke, repeats=200) * 1e3)
 
 
 main()

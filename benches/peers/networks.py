@@ -10,10 +10,8 @@ for networks with a memory, its column is empty.
 """
 
 import pathlib
-import statistics
 import subprocess
 import sys
-import time
 import tomllib
 
 import numpy as np
@@ -21,84 +19,20 @@ import onnxruntime
 import torch
 from torch import nn
 
+from timing import median
+from torch_networks import ConvLSTM, build
+
 MOMENTS = 16
 
 
-class ConvLSTM(nn.Module):
-    """Gates input, forget, cell, output, as Keras orders them; `x` is [moments * runs, channels, height, width]."""
-
-    def __init__(self, channels, filters, kernel, stride, padding):
-        super().__init__()
-        self.filters = filters
-        before = kernel // 2 if padding == "same" else 0
-        self.input = nn.Conv2d(channels, 4 * filters, kernel, stride, before)
-        self.state = nn.Conv2d(filters, 4 * filters, kernel, padding=kernel // 2, bias=False)
-        self.runs = 1
-        self.carried = None
-
-    def forward(self, x):
-        gates = self.input(x)
-        gates = gates.view(-1, self.runs, *gates.shape[1:])
-        if self.carried is None or self.carried[0].shape[0] != self.runs:
-            zero = gates.new_zeros(self.runs, self.filters, *gates.shape[3:])
-            self.carried = (zero, zero)
-        hidden, memory = (state.detach() for state in self.carried)
-        shown = []
-        for own in gates:
-            i, f, c, o = torch.chunk(own + self.state(hidden), 4, dim=1)
-            memory = torch.sigmoid(f) * memory + torch.sigmoid(i) * torch.tanh(c)
-            hidden = torch.sigmoid(o) * torch.tanh(memory)
-            shown.append(hidden)
-        self.carried = (hidden, memory)
-        return torch.cat(shown)
-
-
-def build(network):
-    """Plain chains only: what the networks of documents A and B are made of."""
-    channels, layers = network["input"]["channels"], []
-    shape = torch.zeros(1, channels, network["input"]["height"], network["input"]["width"])
-    for layer in network["layer"]:
-        match layer["kind"]:
-            case "convolution":
-                step = [nn.Conv2d(shape.shape[1], layer["filters"], layer["kernel"], layer["stride"])]
-            case "convolutional_lstm":
-                step = [ConvLSTM(shape.shape[1], layer["filters"], layer["kernel"][0], layer["stride"][0], layer["padding"])]
-            case "max_pool":
-                step = [nn.MaxPool2d(layer["size"], layer["stride"])]
-            case "dropout":
-                step = [nn.Dropout(0.2)]
-            case "flatten":
-                step = [nn.Flatten()]
-            case "dense":
-                step = [nn.Linear(shape.shape[1], layer["units"])]
-            case other:
-                return None
-        match layer.get("activation", "linear"):
-            case "relu":
-                step.append(nn.ReLU())
-            case "elu":
-                step.append(nn.ELU())
-        layers += step
-        with torch.no_grad():
-            shape = nn.Sequential(*step).eval()(shape)
-    return nn.Sequential(*layers)
-
-
 def lite(network):
-    """Milliseconds of TensorFlow Lite; None without TensorFlow, or with layers that it does not have."""
+    """Milliseconds of TensorFlow Lite; None without TensorFlow, or with layers that it does not have: it says which."""
     script = pathlib.Path(__file__).with_name("lite.py")
     done = subprocess.run([sys.executable, script, network], capture_output=True, text=True)
-    return float(done.stdout.split()[-1]) if done.returncode == 0 else None
-
-
-def median(work, repeats, rounds=9):
-    times = []
-    for _ in range(rounds):
-        start = time.perf_counter()
-        for _ in range(repeats):
-            work()
-        times.append((time.perf_counter() - start) / repeats)
-    return statistics.median(times)
+    if done.returncode == 0:
+        return float(done.stdout.split()[-1])
+    print(f"{network}: no figure of TensorFlow Lite: {done.stderr.strip().splitlines()[-1:]}", file=sys.stderr)
+    return None
 
 
 def main():

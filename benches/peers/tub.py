@@ -10,12 +10,15 @@ last one. Needs torch, numpy and Pillow.
 import json
 import pathlib
 import sys
+import tomllib
 
 import numpy as np
 import torch
 from PIL import Image
-from torch import nn
 
+from torch_networks import build
+
+PILOTNET = pathlib.Path(__file__).parents[2] / "networks" / "pilotnet.toml"
 EPOCHS = 8
 BATCH = 32
 
@@ -36,16 +39,9 @@ def read(tub):
     return frames, torch.tensor([record["user/angle"] for record in records], dtype=torch.float32)
 
 
-def pilotnet():
-    layers = []
-    for channels, filters, kernel, stride in [(3, 24, 5, 2), (24, 36, 5, 2), (36, 48, 5, 2), (48, 64, 3, 1), (64, 64, 3, 1)]:
-        layers += [nn.Conv2d(channels, filters, kernel, stride), nn.ELU()]
-    layers += [nn.Flatten(), nn.Linear(1152, 100), nn.ELU(), nn.Linear(100, 50), nn.ELU(), nn.Linear(50, 10), nn.ELU(), nn.Linear(10, 1)]
-    return nn.Sequential(*layers)
-
-
 def main():
     frames, steering = read(pathlib.Path(sys.argv[1]))
+    pilotnet = tomllib.loads(PILOTNET.read_text())
     seeds = int(sys.argv[2]) if len(sys.argv) > 2 else 5
     learned = len(frames) * 4 // 5
     shown = torch.cat([frames[:learned], frames[:learned].flip(3)])
@@ -57,7 +53,7 @@ def main():
     bests = []
     for seed in range(1, seeds + 1):
         torch.manual_seed(seed)
-        network = pilotnet()
+        network = build(pilotnet)
         adam = torch.optim.Adam(network.parameters(), 1e-3)
         epochs = []
         for _ in range(EPOCHS):

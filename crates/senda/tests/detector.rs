@@ -1,11 +1,14 @@
 //! From the simulator's pictures to a detector, as a user types it.
 
 mod support;
+#[path = "support/wheel.rs"]
+mod wheel;
 
 use predicates::prelude::*;
 use predicates::str::contains;
 use std::path::Path;
 use support::{json, senda, text};
+use wheel::at_the_wheel;
 
 /// A few small pictures and a detector that was trained for a moment.
 fn trained(folder: &Path) -> serde_json::Value {
@@ -97,19 +100,9 @@ fn pictures_are_made_learned_and_judged_twice_the_same() {
         &["--network", text(&cfg), "--weights", text(&weights)],
     );
     // A detector is no driver.
-    senda(&[
-        "drive",
-        "--world",
-        "oval-lane",
-        "--vehicle",
-        "picar",
-        "--driver",
-        "neural",
-        "--model",
-        text(&at("a.senda")),
-    ])
-    .failure()
-    .stderr(contains("steering"));
+    senda(&at_the_wheel("oval-lane", "picar", text(&at("a.senda"))))
+        .failure()
+        .stderr(contains("steering"));
 }
 
 #[test]

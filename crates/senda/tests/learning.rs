@@ -1,12 +1,18 @@
 //! From recordings to a driving network, as a user types it.
 
 mod support;
+#[path = "support/wheel.rs"]
+mod wheel;
 
 use assert_cmd::Command;
 use predicates::prelude::*;
 use predicates::str::contains;
 use std::path::Path;
 use support::{json, senda, text};
+use wheel::at_the_wheel;
+
+/// A drive of a second with small images, told as JSON.
+const A_SECOND: [&str; 5] = ["--image", "40x30", "--time-limit", "1", "--json"];
 
 const NETWORK: &str = r#"
 [input]
@@ -153,24 +159,8 @@ fn recorded_trained_and_driven_twice_the_same() {
         .stdout(contains("steering").and(contains("camera")));
 
     let drive = |vehicle: &str| -> Vec<String> {
-        [
-            "drive",
-            "--world",
-            "oval-lane",
-            "--vehicle",
-            vehicle,
-            "--driver",
-            "neural",
-            "--model",
-            text(&model),
-            "--image",
-            "40x30",
-            "--time-limit",
-            "1",
-            "--json",
-        ]
-        .map(str::to_owned)
-        .to_vec()
+        let arguments = [&at_the_wheel("oval-lane", vehicle, text(&model))[..], &A_SECOND].concat();
+        arguments.into_iter().map(str::to_owned).collect()
     };
     let first = json(&with(&drive("picar"), &[]));
     let second = json(&with(&drive("picar"), &[]));
@@ -202,22 +192,7 @@ fn models_go_out_come_back_and_shrink_to_8_bits() {
     // What it wrote itself says everything; the same drive comes of it.
     senda(&["model", "import", text(&onnx), "--out", text(&back)]).success();
     let drive = |model: &Path| -> serde_json::Value {
-        json(&[
-            "drive",
-            "--world",
-            "oval-lane",
-            "--vehicle",
-            "picar",
-            "--driver",
-            "neural",
-            "--model",
-            text(model),
-            "--image",
-            "40x30",
-            "--time-limit",
-            "1",
-            "--json",
-        ])
+        json(&[&at_the_wheel("oval-lane", "picar", text(model))[..], &A_SECOND].concat())
     };
     assert_eq!(drive(&model)["digest"], drive(&back)["digest"]);
 
@@ -297,20 +272,8 @@ fn what_is_no_model_is_refused_with_words() {
     let path = folder.path().join("list.senda");
     std::fs::write(&path, "milk, bread, butter").unwrap();
     let drive = |model: &Path| {
-        senda(&[
-            "drive",
-            "--world",
-            "oval-lane",
-            "--vehicle",
-            "picar",
-            "--driver",
-            "neural",
-            "--model",
-            text(model),
-            "--time-limit",
-            "1",
-        ])
-        .failure()
+        let wheel = at_the_wheel("oval-lane", "picar", text(model));
+        senda(&[&wheel[..], &["--time-limit", "1"]].concat()).failure()
     };
     drive(&path).stderr(contains("list.senda").and(contains("expected a model file")));
     drive(&folder.path().join("missing.senda")).stderr(contains("missing.senda"));
@@ -476,22 +439,7 @@ fn learning_on_a_tiny_budget_makes_a_model_that_drives() {
     assert_eq!(result["rounds"].as_array().unwrap().len(), 2);
     let page = std::fs::read_to_string(folder.path().join("experiment/report.html")).unwrap();
     assert!(page.contains("Learning by correction") && page.contains("Loss over the epochs"));
-    let drive = json(&[
-        "drive",
-        "--world",
-        "unseen-1",
-        "--vehicle",
-        "picar",
-        "--driver",
-        "neural",
-        "--model",
-        text(&model),
-        "--image",
-        "40x30",
-        "--time-limit",
-        "1",
-        "--json",
-    ]);
+    let drive = json(&[&at_the_wheel("unseen-1", "picar", text(&model))[..], &A_SECOND].concat());
     assert!(drive["frames"].as_u64().unwrap() > 5);
     std::fs::write(&plan, "epochz = 1\n").unwrap();
     senda(&["learn", "--plan", text(&plan)])

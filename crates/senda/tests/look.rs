@@ -1,32 +1,22 @@
 //! What a network looks at, two networks at the wheel, and errors against what was done: as a user types it.
 
 mod support;
+#[path = "support/wheel.rs"]
+mod wheel;
 
 use predicates::prelude::*;
 use predicates::str::contains;
 use std::path::Path;
 use support::{json, senda, text};
+use wheel::at_the_wheel;
 
 const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/lane-small.senda");
-
-/// The shipped network at the wheel of a car on a circuit.
-const AT_THE_WHEEL: [&str; 9] = [
-    "drive",
-    "--world",
-    "unseen-1",
-    "--vehicle",
-    "picar",
-    "--driver",
-    "neural",
-    "--model",
-    MODEL,
-];
 
 /// A second of the shipped network on a road, and its recording.
 fn drive(folder: &Path, more: &[&str]) -> serde_json::Value {
     let runs = folder.join("runs");
     let short = ["--time-limit", "1", "--record", text(&runs), "--json"];
-    json(&[&AT_THE_WHEEL[..], &short, more].concat())
+    json(&[&at_the_wheel("unseen-1", "picar", MODEL)[..], &short, more].concat())
 }
 
 #[test]
@@ -130,9 +120,15 @@ fn errors_against_what_was_done_and_two_networks_at_the_wheel() {
 
     // A second network that steers has no place beside the first.
     let second = format!("throttle_model={MODEL}");
-    senda(&[&AT_THE_WHEEL[..], &["--option", &second]].concat())
-        .failure()
-        .stderr(contains("throttle or speed alone"));
+    senda(
+        &[
+            &at_the_wheel("unseen-1", "picar", MODEL)[..],
+            &["--option", &second],
+        ]
+        .concat(),
+    )
+    .failure()
+    .stderr(contains("throttle or speed alone"));
 
     let plan = folder.path().join("pedals.toml");
     std::fs::write(&plan, "network = \"tinypilotnet\"\nanswers = [\"throttle\"]\nedges = { low = 50, high = 90 }\n[training]\nepochs = 1\n").unwrap();

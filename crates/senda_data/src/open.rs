@@ -54,7 +54,7 @@ impl Format {
         let store = Store::open(path, EXPECTED, &mut Warnings::default())?;
         let holds =
             |wanted: &dyn Fn(&str) -> bool| store.folders_with(wanted).map(|folders| !folders.is_empty());
-        if path.is_dir() && !recordings_in(path)?.is_empty() {
+        if path.is_dir() && store.files_in("")?.iter().any(|name| is_recording(name)) {
             Ok(Self::Recording)
         } else if holds(&tub::is_tub_file)? {
             Ok(Self::Tub)
@@ -62,6 +62,8 @@ impl Format {
             Ok(Self::Udacity)
         } else if holds(&|name| named_frames::parse_name(name).is_some())? {
             Ok(Self::NamedFrames)
+        } else if path.is_dir() && holds(&is_recording)? {
+            Ok(Self::Recording)
         } else {
             Err(DataError::NotThat {
                 path: path.to_owned(),
@@ -75,6 +77,10 @@ impl Format {
 
 const EXPECTED: &str = "a recording (.mcap), a Donkeycar tub, a folder with driving_log.csv, pictures with the angle in \
                         their names, or a .tar.gz of one of these";
+
+fn is_recording(name: &str) -> bool {
+    has_end(Path::new(name), "mcap")
+}
 
 fn has_end(path: &Path, end: &str) -> bool {
     path.extension()
@@ -117,12 +123,11 @@ pub fn open_runs(path: &Path, body: &Body) -> Result<Vec<Recording>, DataError> 
 
 /// The MCAP files in a folder and up to two folders below it, sorted by name.
 pub fn recordings_in(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
-    let is_one = |name: &str| has_end(Path::new(name), "mcap");
     let store = Store::Folder(folder.to_owned());
     let mut found = Vec::new();
-    for inside in store.folders_with(&is_one)? {
+    for inside in store.folders_with(&is_recording)? {
         let names = store.files_in(&inside)?;
-        let recordings = names.iter().filter(|name| is_one(name));
+        let recordings = names.iter().filter(|name| is_recording(name));
         found.extend(recordings.map(|name| folder.join(&inside).join(name)));
     }
     found.sort();
@@ -154,5 +159,15 @@ mod tests {
         // Recordings beside folders are the data set; what else lies in the folders is something else.
         let beside = put("e.mcap");
         assert_eq!(recordings_in(folder).unwrap(), [beside]);
+    }
+
+    #[test]
+    fn other_data_stay_what_they_are_with_recordings_below() {
+        let top = tempfile::tempdir().unwrap();
+        std::fs::create_dir(top.path().join("runs")).unwrap();
+        std::fs::write(top.path().join("runs/a.mcap"), b"").unwrap();
+        assert_eq!(Format::detect(top.path()).unwrap(), Format::Recording);
+        std::fs::write(top.path().join("manifest.json"), b"").unwrap();
+        assert_eq!(Format::detect(top.path()).unwrap(), Format::Tub);
     }
 }

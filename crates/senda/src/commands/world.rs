@@ -290,10 +290,11 @@ fn check(files: &[PathBuf], vehicle: Option<&str>) -> Result<()> {
     let vehicle = vehicle.map(senda_run::scenario::find_vehicle).transpose()?;
     let mut broken = 0;
     for file in files {
-        let name = file.to_str().filter(|_| !file.exists());
-        let loaded = match name.and_then(|name| find_world(name).ok()) {
-            Some(world) => Ok((world, Vec::new())),
-            None => World::load(file),
+        let loaded = match file.to_str() {
+            Some(name) if !file.exists() => find_world(name)
+                .map(|world| (world, Vec::new()))
+                .map_err(anyhow::Error::from),
+            _ => World::load(file).map_err(anyhow::Error::from),
         };
         match loaded {
             Ok((world, mut warnings)) => {
@@ -314,7 +315,7 @@ fn check(files: &[PathBuf], vehicle: Option<&str>) -> Result<()> {
             }
             Err(error) => {
                 broken += 1;
-                crate::terminal::complain(&error.into());
+                crate::terminal::complain(&error);
             }
         }
     }
