@@ -217,8 +217,18 @@ impl fmt::Display for Info {
         let runs = if self.runs == 1 { "run" } else { "runs" };
         writeln!(
             f,
-            "  {} {runs}, {} steps, {:.1} s, driven by {} ({}), senda {}",
-            self.runs, self.steps, self.duration_s, self.driver, self.vehicle, self.senda
+            "  {} {runs}, {} steps, {:.1} s, driven by {} ({}), {} senda {}",
+            self.runs,
+            self.steps,
+            self.duration_s,
+            self.driver,
+            self.vehicle,
+            if self.format == Format::Recording {
+                "recorded by"
+            } else {
+                "read by"
+            },
+            self.senda
         )?;
         for camera in &self.cameras {
             writeln!(

@@ -75,13 +75,36 @@ impl Delivery {
         self.correct && self.returned && self.red_light_violations == 0 && self.departures == 0
     }
 
+    /// Whether it succeeded, and if not, why.
+    pub fn headline(&self) -> String {
+        if self.is_whole() {
+            return "delivered and returned".to_owned();
+        }
+        let why = if self.red_light_violations > 0 {
+            "a red light was passed"
+        } else if self.departures > 0 {
+            "the vehicle left the streets"
+        } else if self.delivered_to.is_some() && !self.correct {
+            "the package was brought to another depot"
+        } else if self.correct {
+            "delivered, but not returned"
+        } else {
+            "the package was not delivered"
+        };
+        match self.events.last() {
+            Some(last) => format!("FAILED: {why}; last event: {}", last.text),
+            None => format!("FAILED: {why}"),
+        }
+    }
+
     /// For people: one line a fact.
     pub fn text(&self) -> String {
         let depot =
             |number: Option<u8>| number.map_or_else(|| "none".to_owned(), |number| number.to_string());
         let mut text = format!(
-            "delivered to depot   {} (goal {}){}\nreturned             {}\nred lights passed    {}\noff the streets      {}\n\
+            "{}\ndelivered to depot   {} (goal {}){}\nreturned             {}\nred lights passed    {}\noff the streets      {}\n\
              time                 {:.1} s\n",
+            self.headline(),
             depot(self.delivered_to),
             depot(self.goal),
             if self.correct { ", correct" } else { "" },

@@ -60,7 +60,11 @@ pub fn against_recordings(
             help: "record some with `senda drive --record`, or give other data".into(),
         });
     }
-    Ok((against_samples(model, &data.samples), data.warnings))
+    let mut warnings = data.warnings;
+    if let Some(Err(mismatch)) = data.camera.as_ref().map(|camera| model.check_camera(camera)) {
+        warnings.insert(0, format!("{mismatch}; the figures say little about this model"));
+    }
+    Ok((against_samples(model, &data.samples), warnings))
 }
 
 /// Compares a model with prepared frames and their targets, one entry for each output.

@@ -25,10 +25,12 @@ pub enum RunError {
     #[error(transparent)]
     Model(#[from] senda_nets::ModelError),
     /// No such driver.
-    #[error("unknown driver `{found}`: expected one of {known}")]
+    #[error("unknown driver `{found}`: {}expected one of {known}", did_you_mean(.nearest))]
     UnknownDriver {
         /// What was asked for.
         found: String,
+        /// The most similar name.
+        nearest: Option<String>,
         /// The known names.
         known: String,
     },
@@ -80,5 +82,12 @@ impl RunError {
             path: path.to_owned(),
             source,
         }
+    }
+}
+
+fn did_you_mean(nearest: &Option<String>) -> String {
+    match nearest {
+        Some(name) => format!("did you mean `{name}`? "),
+        None => String::new(),
     }
 }

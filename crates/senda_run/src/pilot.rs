@@ -9,6 +9,7 @@ use senda_drivers::{
 };
 use senda_geom::Curve;
 use senda_nets::Model;
+use senda_toml::nearest_names;
 use senda_vision::{ClassicalDetector, Detector};
 use serde::de::DeserializeOwned;
 use std::path::Path;
@@ -151,6 +152,9 @@ impl Pilot {
             other => {
                 return Err(RunError::UnknownDriver {
                     found: other.to_owned(),
+                    nearest: nearest_names(other, &DRIVERS.map(|(name, _)| name))
+                        .into_iter()
+                        .next(),
                     known: DRIVERS.map(|(name, _)| name).join(", "),
                 });
             }

@@ -5,7 +5,7 @@ use thiserror::Error;
 
 /// One thing that is wrong in a file: where, what was expected, what was found, what to do.
 #[derive(Debug, Error)]
-#[error("{file}:{line}: {key}: expected {expected}, but found {found}{}", help_text(.help))]
+#[error("{file}:{line}: {}expected {expected}, but found {found}{}", key_text(.key), help_text(.help))]
 pub struct Problem {
     /// Name of the file or other source.
     pub file: String,
@@ -23,6 +23,14 @@ pub struct Problem {
     pub help: String,
     pub(crate) source_text: NamedSource<String>,
     pub(crate) span: std::ops::Range<usize>,
+}
+
+fn key_text(key: &str) -> String {
+    if key.is_empty() {
+        String::new()
+    } else {
+        format!("{key}: ")
+    }
 }
 
 fn help_text(help: &str) -> String {

@@ -101,7 +101,9 @@ impl<'a, E: From<Box<Problem>>> Table<'a, E> {
     }
 
     pub(crate) fn take(&mut self, key: &'static str) -> Option<Spanned<DeValue<'a>>> {
-        self.known.push(key);
+        if !self.known.contains(&key) {
+            self.known.push(key);
+        }
         self.entries
             .iter_mut()
             .find(|entry| entry.key == key)
@@ -381,11 +383,29 @@ impl<'a, E: From<Box<Problem>>> Table<'a, E> {
         }
     }
 
+    /// Refuses every other key at once, before anything is read: where a misspelt key would otherwise hide behind the
+    /// complaint that follows from its absence.
+    pub fn only(&mut self, keys: &[&'static str]) -> Result<(), E> {
+        self.known.extend_from_slice(keys);
+        match self
+            .entries
+            .iter()
+            .find(|entry| !keys.contains(&entry.key.as_str()))
+        {
+            Some(entry) => Err(self.unknown_key(entry)),
+            None => Ok(()),
+        }
+    }
+
     /// All keys must have been read by now; the first one that was not is refused with the nearest known key.
     pub fn finish(&self) -> Result<(), E> {
-        let Some(entry) = self.entries.iter().find(|entry| entry.value.is_some()) else {
-            return Ok(());
-        };
+        match self.entries.iter().find(|entry| entry.value.is_some()) {
+            Some(entry) => Err(self.unknown_key(entry)),
+            None => Ok(()),
+        }
+    }
+
+    fn unknown_key(&self, entry: &Entry) -> E {
         let nearest = nearest_names(&entry.key, &self.known);
         let known = self.known.join(", ");
         let (expected, help) = match nearest.first() {
@@ -395,12 +415,12 @@ impl<'a, E: From<Box<Problem>>> Table<'a, E> {
             ),
             None => ("a known key".to_owned(), format!("known here: {known}")),
         };
-        Err(self.source.problem(
+        self.source.problem(
             entry.key_span.clone(),
             self.key_path(&entry.key),
             expected,
             format!("the unknown key {:?}", entry.key),
             help,
-        ))
+        )
     }
 }

@@ -86,6 +86,19 @@ impl Marking {
         lane_width_m: Option<f64>,
         path_length_m: f64,
     ) -> Result<Vec<Self>, WorldError> {
+        table.only(&[
+            "offset_m",
+            "side",
+            "width_m",
+            "colour",
+            "dash",
+            "from_m",
+            "to_m",
+            "wear",
+            "stain",
+            "gloss",
+            "double_gap_m",
+        ])?;
         let offset_m = table.optional_f64("offset_m", -FAR_M, FAR_M)?;
         let side = table.optional_word("side", &["left", "right", "both", "middle"])?;
         if offset_m.is_some() && side.is_some() {

@@ -150,6 +150,7 @@ impl PathSpec {
     }
 
     pub(crate) fn read(mut table: Table) -> Result<(Self, Curve, Vec<Warning>), WorldError> {
+        table.only(&["closed", "reversed", "start", "pieces", "points"])?;
         let closed = table.bool("closed", false)?;
         let reversed = table.bool("reversed", false)?;
         let points = table.optional_pairs("points", -FAR_M, FAR_M)?;

@@ -104,6 +104,25 @@ impl World {
                 "start from a copy of worlds/oval.toml",
             ));
         }
+        table.only(&[
+            "name",
+            "description",
+            "lane_width_m",
+            "corridor_half_width_m",
+            "start_station_m",
+            "margin_m",
+            "texel_m",
+            "path",
+            "markings",
+            "floor",
+            "warehouse",
+            "light",
+            "things",
+            "areas",
+            "woods",
+            "walls",
+            "backdrop",
+        ])?;
         let (world, mut warnings) = Self::read(&mut table)?;
         warnings.extend(world.geometry_warnings(&table));
         table.finish()?;

@@ -30,6 +30,23 @@ fn messages_name_line_key_and_remedy() {
         "lane_widht_m",
         &["did you mean \"lane_width_m\"?"],
     );
+    // Not that a lane's two sides need a width, nor that nothing closes an open path: those follow.
+    check(
+        &format!("{PATH}[[markings]]\nside = \"both\"\nwidth_m = 0.02\ncolour = \"black\"\n").replacen(
+            "[path]",
+            "lane_widht_m = 0.2\n[path]",
+            1,
+        ),
+        1,
+        "lane_widht_m",
+        &["did you mean \"lane_width_m\"?"],
+    );
+    check(
+        "[path]\nclose = true\npieces = [{ kind = \"arc\", radius_m = 1, turn_deg = 90 }, { kind = \"close\" }]\n",
+        2,
+        "path.close",
+        &["did you mean \"closed\"?"],
+    );
     check(
         &format!("{PATH}[floor]\nkind = \"wod\"\n"),
         4,

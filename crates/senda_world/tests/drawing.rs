@@ -1,6 +1,6 @@
 //! Drawings are well-formed, prints are at true scale and complete.
 
-use senda_world::draw::{self, Ink, Paper, Print, PrintOptions};
+use senda_world::draw::{self, CannotPrint, Ink, Paper, Print, PrintOptions};
 use senda_world::{Difficulty, Texture, Thing, ThingShape, World, paint};
 
 #[test]
@@ -130,10 +130,16 @@ fn outlines_take_two_lines_and_huge_prints_are_refused() {
     let text =
         "[path]\npoints = [[0, 0], [5000, 0], [9000, 9000]]\n[[markings]]\nwidth_m = 0.1\ncolour = \"red\"\n";
     let (road, _) = World::parse("road.toml", text).unwrap();
-    assert!(Print::new(&road, &PrintOptions::default()).is_none());
+    assert!(matches!(
+        Print::new(&road, &PrintOptions::default()),
+        Err(CannotPrint::TooLarge { .. })
+    ));
     let mut bare = world;
     bare.markings.clear();
-    assert!(Print::new(&bare, &PrintOptions::default()).is_none());
+    assert!(matches!(
+        Print::new(&bare, &PrintOptions::default()),
+        Err(CannotPrint::Nothing)
+    ));
 }
 
 #[test]

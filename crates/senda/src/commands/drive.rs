@@ -47,7 +47,7 @@ pub(crate) struct ScenarioFlags {
     #[arg(long, value_name = "FLOOR")]
     pub(crate) floor: Option<String>,
     /// Cruising speed in m/s
-    #[arg(long, value_name = "MPS")]
+    #[arg(long, value_name = "MPS", allow_negative_numbers = true)]
     pub(crate) speed: Option<f64>,
     /// Drive the other way round
     #[arg(long)]

@@ -35,3 +35,19 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     whole_file::replace(path, |file| file.write_all(bytes))
         .with_context(|| format!("cannot write {}", path.display()))
 }
+
+/// Puts the model that already lies where another one is to be written aside, as `NAME.earlier`: it may have cost hours.
+pub(crate) fn keep_earlier(path: &Path) -> Result<()> {
+    if !path.is_file() {
+        return Ok(());
+    }
+    let mut aside = path.as_os_str().to_owned();
+    aside.push(".earlier");
+    std::fs::rename(path, &aside).with_context(|| format!("cannot rename {}", path.display()))?;
+    eprintln!(
+        "{}: the model that was there is now {}",
+        path.display(),
+        Path::new(&aside).display()
+    );
+    Ok(())
+}

@@ -6,7 +6,7 @@ use clap::{Args, Subcommand};
 use senda_run::{random, scenario::find_world};
 use senda_world::{
     FLOOR_PRESETS, LIGHT_PRESETS, VehicleSpec, World,
-    draw::{self, Ink, Paper, Print, PrintOptions, SHEET_LIMIT},
+    draw::{self, Ink, Paper, Print, PrintOptions},
     paint,
 };
 use std::path::{Path, PathBuf};
@@ -223,12 +223,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 ink,
                 ..PrintOptions::default()
             };
-            let print = Print::new(&world, &options).with_context(|| {
-                format!(
-                    "{}: nothing to print, or more than {SHEET_LIMIT} sheets",
-                    world.name
-                )
-            })?;
+            let print = Print::new(&world, &options).with_context(|| world.name.clone())?;
             let (count, (columns, rows)) = (print.sheet_count(), print.grid());
             if extension(&out) == "pdf" {
                 write_file(&out, &print.pdf())?;

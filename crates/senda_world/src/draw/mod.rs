@@ -9,7 +9,7 @@ mod shape;
 
 pub use boards::boards;
 pub use map::svg;
-pub use print::{Ink, Paper, Print, PrintOptions, SHEET_LIMIT};
+pub use print::{CannotPrint, Ink, Paper, Print, PrintOptions, SHEET_LIMIT};
 
 use crate::paint::FloorPainting;
 

@@ -8,6 +8,7 @@ use crate::marking::Marking;
 use crate::world::World;
 use senda_geom::Vec2;
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 pub(super) const INK: Colour = Colour::new(30, 30, 34);
 pub(super) const PALE: Colour = Colour::new(150, 150, 156);
@@ -79,6 +80,24 @@ struct Sheet {
     shapes: Vec<Shape>,
 }
 
+/// Why a world cannot be printed.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum CannotPrint {
+    /// No line is painted in it.
+    #[error("there is nothing to print: the world has no markings; add [[markings]]")]
+    Nothing,
+    /// It takes too many sheets.
+    #[error(
+        "the markings cover {width_m:.1} m x {height_m:.1} m and would take more than {SHEET_LIMIT} sheets; choose larger paper (--paper) or a smaller world"
+    )]
+    TooLarge {
+        /// Along x (m).
+        width_m: f64,
+        /// Along y (m).
+        height_m: f64,
+    },
+}
+
 /// A print of a world: its sheets, in reading order from the upper left; sheets without paint are left out.
 pub struct Print {
     width_mm: f64,
@@ -90,9 +109,11 @@ pub struct Print {
 }
 
 impl Print {
-    /// Lays a world out on sheets at true scale. `None`: it would take more than [`SHEET_LIMIT`] sheets, or has
-    /// nothing to print.
-    pub fn new(world: &World, options: &PrintOptions) -> Option<Self> {
+    /// Lays a world out on sheets at true scale.
+    ///
+    /// # Errors
+    /// When there is nothing to print, or it would take more than [`SHEET_LIMIT`] sheets.
+    pub fn new(world: &World, options: &PrintOptions) -> Result<Self, CannotPrint> {
         let [short_mm, long_mm] = options.paper.size_mm();
         let (width_mm, height_mm) = if options.landscape {
             (long_mm, short_mm)
@@ -119,14 +140,15 @@ impl Print {
         }
         let reach = markings.iter().map(|m| m.width_m).fold(0.0, f64::max);
         let mut points = runs.iter().flat_map(|(_, run)| run).copied();
-        let first = points.next()?;
+        let first = points.next().ok_or(CannotPrint::Nothing)?;
         let (low, high) = points.fold((first, first), |(l, h), p| (l.min(p), h.max(p)));
         let (low, high) = (low - Vec2::splat(reach), high + Vec2::splat(reach));
         let size_mm = (high - low) * 1e3;
         let count = |length: f64, tile: f64| (length / tile).ceil().max(1.0);
         let (columns, rows) = (count(size_mm.x, tile.x), count(size_mm.y, tile.y));
+        let [width_m, height_m] = [size_mm.x / 1e3, size_mm.y / 1e3];
         if columns * rows > 20.0 * SHEET_LIMIT as f64 {
-            return None;
+            return Err(CannotPrint::TooLarge { width_m, height_m });
         }
         let (columns, rows) = (columns as usize, rows as usize);
         let layout = Layout {
@@ -143,8 +165,10 @@ impl Print {
         };
         let painted = layout.painted();
         let total = painted.iter().filter(|painted| **painted).count();
-        if total == 0 || total > SHEET_LIMIT {
-            return None;
+        match total {
+            0 => return Err(CannotPrint::Nothing),
+            1..=SHEET_LIMIT => (),
+            _ => return Err(CannotPrint::TooLarge { width_m, height_m }),
         }
         let mut sheets = Vec::new();
         for row in (0..rows).rev() {
@@ -154,7 +178,7 @@ impl Print {
                 }
             }
         }
-        Some(Self {
+        Ok(Self {
             width_mm,
             height_mm,
             columns,

@@ -1,7 +1,7 @@
 //! `senda detector train` and `export`.
 
 use super::{list, print_scores, warn};
-use crate::commands::{report::command_line, write_file};
+use crate::commands::{keep_earlier, report::command_line, write_file};
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -140,6 +140,7 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
             .metrics
             .insert("validation".into(), serde_json::to_value(scores)?);
     }
+    keep_earlier(&arguments.out)?;
     model.save(&arguments.out)?;
     let wall_s = terminal::seconds_since(began_ns);
     if arguments.json {
