@@ -1,7 +1,21 @@
 //! Signs and lights over several frames: votes on a digit, a light's colour and where it stands.
 
 use senda_core::Stamp;
+use senda_geom::{Camera, Vec2};
 use senda_vision::{Detection, ObjectClass};
+
+/// A board or light of 10 cm or more that is 0.4 m away hides the floor for at least so far (m): its top is half as high as the
+/// camera or higher.
+const HIDES_M: f64 = 0.8;
+
+/// Whether what was found may stand upright: bars of a crossing and pieces of a line lie on the floor, where the upper edge
+/// of their boxes meets it close by.
+pub(super) fn stands(camera: &Camera, detection: &Detection) -> bool {
+    let [left, top, right, _] = detection.box_px;
+    let upper_edge = Vec2::new(0.5 * f64::from(left + right), f64::from(top));
+    let meets = camera.floor_from_pixel(upper_edge);
+    meets.is_none_or(|floor| floor.length_squared() > HIDES_M * HIDES_M)
+}
 
 /// Parts of a turn in place in search of something: to the left, to the right, back to the middle.
 pub(super) const LEGS: u32 = 3;
@@ -113,6 +127,27 @@ mod tests {
             box_px: [0.0, 0.0, 10.0, 10.0],
             confidence: 0.9,
         }
+    }
+
+    #[test]
+    fn what_lies_on_the_floor_is_no_light() {
+        let mut camera = crate::test_vehicle::gopigo().cameras[0].clone();
+        (camera.mounting.z_m, camera.mounting.tilt_rad) = (0.2, 0.35);
+        let over = |bottom_m: f64, top_m: f64| {
+            let at = |x_m: f64| {
+                let pixel = camera.pixel_from_floor(Vec2::new(x_m, 0.0)).unwrap();
+                pixel.y as f32
+            };
+            Detection {
+                box_px: [75.0, at(top_m), 85.0, at(bottom_m)],
+                ..seen(ObjectClass::RedLight)
+            }
+        };
+        assert!(!stands(&camera, &over(0.3, 0.45)), "a bar of a crossing");
+        assert!(stands(&camera, &over(0.6, 4.0)), "18 cm high");
+        let mut above = over(0.6, 4.0);
+        above.box_px[1] = 0.0;
+        assert!(stands(&camera, &above), "above the horizon");
     }
 
     #[test]

@@ -225,6 +225,9 @@ impl MissionDriver {
             let camera = self.body.cameras[0].resized(image.width() as u32, image.height() as u32);
             let least_px = self.options.sign_part * image.width() as f64;
             for detection in &self.detections {
+                if !look::stands(&camera, detection) {
+                    continue;
+                }
                 let [u, v] = detection.middle_px().map(f64::from);
                 let ray =
                     camera.mounting.vehicle_from_camera() * camera.lens.ray(senda_geom::Vec2::new(u, v));
