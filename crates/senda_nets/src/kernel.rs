@@ -56,13 +56,15 @@ impl Level {
         }
     }
 
-    /// A level with half the lanes, better for narrow images, where there is one.
+    /// A level with half the lanes that is better for narrow images, where there is one: on processors that work on the widest
+    /// registers in two halves, so that every lane that is not needed costs.
     #[allow(clippy::unnecessary_wraps, reason = "depends on the architecture")]
     pub(crate) fn narrower(self) -> Option<Self> {
         match self {
             #[cfg(target_arch = "x86_64")]
             Self::Avx512
-                if std::arch::is_x86_feature_detected!("avx2")
+                if !is_intel()
+                    && std::arch::is_x86_feature_detected!("avx2")
                     && std::arch::is_x86_feature_detected!("fma") =>
             {
                 Some(Self::Avx2)
@@ -95,6 +97,17 @@ impl Level {
             Self::Neon => 8,
         }
     }
+}
+
+/// Whether the processor is Intel's, whose 512 bits are worked on at once (measured on Sapphire Rapids: PilotNet learns 1.4
+/// times as fast with them on rows of 22 as with 256). AMD's Zen 4 works on them in halves.
+#[cfg(target_arch = "x86_64")]
+fn is_intel() -> bool {
+    let vendor = std::arch::x86_64::__cpuid(0);
+    [vendor.ebx, vendor.edx, vendor.ecx]
+        .map(u32::to_le_bytes)
+        .as_flattened()
+        == b"GenuineIntel"
 }
 
 /// A run of neighbouring outputs of one row.
