@@ -1,4 +1,4 @@
-//! Steering of a mission: along the line, across a junction, square before a crossing, in place.
+//! Steering of a mission: along the line, across a junction, in place.
 
 use super::MissionOptions;
 use senda_core::Command;
@@ -7,8 +7,8 @@ use senda_vision::StreetView;
 use senda_vision::street::FarLine;
 
 /// Slower than this the motors do not turn reliably (m/s), and likewise in place (rad/s).
-const CREEP_MPS: f64 = 0.03;
-const CREEP_RADPS: f64 = 0.22;
+pub(super) const CREEP_MPS: f64 = 0.03;
+pub(super) const CREEP_RADPS: f64 = 0.22;
 
 /// Towards a floor point (vehicle frame, m): the arc through it (pure pursuit, Coulter 1992).
 pub(super) fn towards(point: Vec2, speed_mps: f64) -> Command {
@@ -33,31 +33,6 @@ pub(super) fn turn(left_rad: f64, fastest_radps: f64) -> Command {
         rate
     };
     Command::yaw_rate(rate, 0.0)
-}
-
-/// What is left when it stands well enough before a crossing.
-pub(super) const GOOD_M: f64 = 0.006;
-pub(super) const GOOD_RAD: f64 = 0.013;
-
-/// Before a crossing: drives up to it, squares, corrects the distance. `None`: it stands as it should.
-pub(super) fn stop_before(view: &StreetView, options: &MissionOptions, stopped: bool) -> Option<Command> {
-    let Some(crossing) = view.crossing else {
-        // Too near to see it: back.
-        return Some(Command::curvature(0.0, -CREEP_MPS));
-    };
-    let left_m = crossing.distance_m - options.stop_m;
-    if left_m > 0.012 && !stopped {
-        let speed_mps = (1.5 * left_m).clamp(CREEP_MPS, options.speed_mps);
-        // The line as long as it is seen before the crossing, then the crossing's own direction.
-        return Some(match view.line.at_distance(options.look_ahead_m) {
-            Some(point) if left_m > 0.06 => towards(point, speed_mps),
-            _ => Command::yaw_rate((1.5 * crossing.angle_rad).clamp(-0.4, 0.4), speed_mps),
-        });
-    }
-    if crossing.angle_rad.abs() > GOOD_RAD {
-        return Some(turn(crossing.angle_rad, 0.5));
-    }
-    (left_m.abs() > GOOD_M).then(|| Command::curvature(0.0, CREEP_MPS * left_m.signum()))
 }
 
 /// A line ahead that is remembered while the vehicle moves (D6): a point of it and its direction.

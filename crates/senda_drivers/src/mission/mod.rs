@@ -4,6 +4,7 @@
 //! what is done in a step. It sees frames and nothing else: the order of depots, the layout and the true state are unknown to it.
 
 pub mod chart;
+mod halt;
 mod helm;
 mod look;
 mod options;
@@ -12,6 +13,7 @@ pub use options::MissionOptions;
 
 use crate::options::DriverError;
 use chart::{CHART, Step, To, When};
+use halt::Halt;
 use helm::Remembered;
 use look::{LightSeen, Signs};
 use senda_core::{Body, Command, Driver, Explanation, Observation, Stamp, Turn};
@@ -39,6 +41,7 @@ pub struct MissionDriver {
     signs: Signs,
     light: LightSeen,
     beyond: Remembered,
+    halt: Halt,
     counts: Counts,
     last: Command,
     delivered: bool,
@@ -89,7 +92,6 @@ struct Counts {
     empty: u32,
     /// Part of the sweep in search: which way it turns, and how often it has been all around.
     leg: u32,
-    stopped: bool,
 }
 
 /// Speed and yaw rate follow commands with about this time constant (s): delay and motors.
@@ -135,6 +137,7 @@ impl MissionDriver {
             signs: Signs::default(),
             light: LightSeen::default(),
             beyond: Remembered::default(),
+            halt: Halt::default(),
             counts: Counts::default(),
             last: Command::STOP,
             delivered: false,
@@ -422,6 +425,7 @@ impl MissionDriver {
             empty: self.counts.empty,
             ..Counts::default()
         };
+        self.halt = Halt::default();
         self.way.step_m = 0.0;
         (self.clock.began, self.clock.stands) = (self.clock.now, None);
         self.step = to;
@@ -465,13 +469,7 @@ impl MissionDriver {
                 })
             }
             Step::StopAtArea | Step::StopAtDepot | Step::StopAtStart => {
-                match helm::stop_before(&self.view, &self.options, self.counts.stopped) {
-                    Some(command) => command,
-                    None => {
-                        self.counts.stopped = true;
-                        Command::STOP
-                    }
-                }
+                self.halt.command(&self.view, &self.options, self.clock.now)
             }
             Step::Search | Step::FindLine => self.sweep(),
             Step::WaitGreen => {
