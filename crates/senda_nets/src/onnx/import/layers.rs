@@ -320,7 +320,7 @@ impl Reader {
 }
 
 /// Where input `place` (planar) of a vector lies in the order of the file.
-fn interleaved_place(layout: Layout, place: usize) -> usize {
+pub(super) fn interleaved_place(layout: Layout, place: usize) -> usize {
     match layout {
         Layout::FlatInterleaved(shape) => {
             let (channel, pixel) = (place / shape.plane(), place % shape.plane());

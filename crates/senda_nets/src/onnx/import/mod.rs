@@ -430,6 +430,7 @@ impl Reader {
 
 #[cfg(test)]
 mod tests {
+    use super::layers::interleaved_place;
     use super::*;
     use crate::inference::Inference;
 
