@@ -169,9 +169,37 @@ impl ClassicalDetector {
         }
     }
 
+    /// Lit lamps: by their colour at several least saturations and values, and by brightness alone, since a lamp that outshines
+    /// the camera is white with a rim of its colour.
     fn lights(&mut self, height: usize, mut keep: impl FnMut(ObjectClass, [usize; 4], f64)) {
         let options = self.options;
         let width = self.small.width() as f64;
+        let is_round = |size: [usize; 4], filled: f64| {
+            let (w, h) = ((size[2] - size[0]) as f64, (size[3] - size[1]) as f64);
+            (0.55..1.6).contains(&(w / h)) && filled > 0.5 && h >= options.lamp_part * width
+        };
+        for level in [200, 225, 245] {
+            self.blobs(
+                height,
+                |hsv, _| hsv[2] > level,
+                |image, size, filled, _| {
+                    if !is_round(size, filled) {
+                        return;
+                    }
+                    let [red, green, blue] = mean(image, size);
+                    let (class, partner) = if red > green + TINT && red > blue + TINT {
+                        (ObjectClass::RedLight, 1.0)
+                    } else if green > red + TINT {
+                        (ObjectClass::GreenLight, -1.0)
+                    } else {
+                        return;
+                    };
+                    if let Some(confidence) = lamp(image, size, partner) {
+                        keep(class, housing(size, partner), confidence * filled / 0.785);
+                    }
+                },
+            );
+        }
         for (class, colour, partner) in [
             (ObjectClass::RedLight, options.red_lamp, 1.0),
             (ObjectClass::GreenLight, options.green_lamp, -1.0),
@@ -184,9 +212,7 @@ impl ClassicalDetector {
                     height,
                     |hsv, _| colour.contains(hsv),
                     |image, size, filled, _| {
-                        let (w, h) = ((size[2] - size[0]) as f64, (size[3] - size[1]) as f64);
-                        let round = (0.55..1.6).contains(&(w / h)) && filled > 0.5;
-                        if !round || h < options.lamp_part * width {
+                        if !is_round(size, filled) {
                             return;
                         }
                         if let Some(confidence) = lamp(image, size, partner) {
@@ -197,6 +223,23 @@ impl ClassicalDetector {
             }
         }
     }
+}
+
+/// By so much the colour of a lamp that outshines the camera stands out in the mean (grey levels).
+const TINT: u32 = 12;
+
+/// Mean colour of a box.
+fn mean(image: &Image, [left, top, right, bottom]: [usize; 4]) -> [u32; 3] {
+    let mut sum = [0u32; 3];
+    for v in top..bottom {
+        for pixel in &image.row(v).as_chunks::<3>().0[left..right] {
+            for (sum, value) in sum.iter_mut().zip(pixel) {
+                *sum += u32::from(*value);
+            }
+        }
+    }
+    let count = ((bottom - top) * (right - left)).max(1) as u32;
+    sum.map(|sum| sum / count)
 }
 
 /// The whole light around its lit lamp, as labels have it: 2.4 times as high as wide, lamps of 0.74 of its width.
@@ -282,4 +325,51 @@ fn lamp(image: &Image, [left, top, right, bottom]: [usize; 4], partner: f64) -> 
     // The dark lamp is darker than the housing: what lies below a crossing's red bar is street all over.
     let hole = 100 * other < 85 * value(between);
     (dark > 0.35 && grey < 70 && value(between) < own && hole).then_some(0.6 + 0.4 * dark)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A light of 48 x 116 px on a brown floor; `lit` is the colour at the edge of the red lamp and at its middle.
+    fn light(rim: [u8; 3], middle: [u8; 3]) -> Image {
+        let mut image = Image::new(640, 480, Channels::Rgb);
+        for v in 0..480usize {
+            for u in 0..640usize {
+                let (x, y) = (u as f64 - 400.0, v as f64 - 150.0);
+                let off = |cy: f64| (x * x + (y - cy) * (y - cy)).sqrt();
+                let colour = if off(-27.0) < 15.0 {
+                    middle
+                } else if off(-27.0) < 18.0 {
+                    rim
+                } else if off(27.0) < 18.0 {
+                    [20, 90, 50]
+                } else if x.abs() < 24.0 && y.abs() < 58.0 {
+                    [205, 204, 210]
+                } else {
+                    [110, 90, 75]
+                };
+                image.pixels_mut()[3 * (640 * v + u)..][..3].copy_from_slice(&colour);
+            }
+        }
+        image
+    }
+
+    #[test]
+    fn a_lamp_that_outshines_the_camera_is_found() {
+        for (rim, middle) in [([230, 40, 30], [230, 40, 30]), ([255, 160, 135], [255, 255, 250])] {
+            let image = light(rim, middle);
+            let mut detector = ClassicalDetector::default();
+            let found = detector.detect(&image);
+            let [one] = found else {
+                panic!("{middle:?}: {found:?}");
+            };
+            assert_eq!(one.class, ObjectClass::RedLight);
+            let [u, v] = one.middle_px();
+            assert!((u - 400.0).abs() < 6.0 && (v - 150.0).abs() < 12.0, "{found:?}");
+        }
+        // White all over, as a window is, it is none.
+        let white = light([255; 3], [255; 3]);
+        assert!(ClassicalDetector::default().detect(&white).is_empty());
+    }
 }

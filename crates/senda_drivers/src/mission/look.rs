@@ -36,10 +36,9 @@ pub(super) struct Signs {
 }
 
 impl Signs {
-    /// Counts a detection that is a sign, near enough to be this area's.
-    pub(super) fn take(&mut self, detection: &Detection, near: bool) {
+    /// Counts a detection that is a sign.
+    pub(super) fn take(&mut self, detection: &Detection) {
         if let ObjectClass::Sign(digit) = detection.class
-            && near
             && let Some(votes) = self.votes.get_mut(usize::from(digit))
         {
             *votes += 1;
@@ -153,14 +152,13 @@ mod tests {
     #[test]
     fn a_digit_needs_a_lead_of_two() {
         let mut signs = Signs::default();
-        signs.take(&seen(ObjectClass::Sign(1)), true);
+        signs.take(&seen(ObjectClass::Sign(1)));
         assert_eq!(signs.digit(), None);
-        signs.take(&seen(ObjectClass::Sign(1)), true);
+        signs.take(&seen(ObjectClass::Sign(1)));
         assert_eq!(signs.digit(), Some(1));
-        signs.take(&seen(ObjectClass::Sign(0)), true);
+        signs.take(&seen(ObjectClass::Sign(0)));
         assert_eq!(signs.digit(), None, "a sign that contradicts");
-        signs.take(&seen(ObjectClass::Sign(0)), false);
-        signs.take(&seen(ObjectClass::Sign(1)), true);
+        signs.take(&seen(ObjectClass::Sign(1)));
         assert_eq!(signs.digit(), Some(1));
     }
 

@@ -19,7 +19,9 @@ use look::{LightSeen, Signs};
 use senda_core::{Body, Command, Driver, Explanation, Observation, Stamp, Turn};
 use senda_geom::trig;
 use senda_vision::street::trace::Expected;
-use senda_vision::{ClassicalDetector, Detection, Detector, QrCode, QrReader, StreetEyes, StreetView};
+use senda_vision::{
+    ClassicalDetector, Detection, Detector, ObjectClass, QrCode, QrReader, StreetEyes, StreetView,
+};
 
 /// Drives a delivery.
 pub struct MissionDriver {
@@ -227,19 +229,21 @@ impl MissionDriver {
             self.detections.extend_from_slice(self.detector.detect(image));
             let camera = self.body.cameras[0].resized(image.width() as u32, image.height() as u32);
             let least_px = self.options.sign_part * image.width() as f64;
-            for detection in &self.detections {
-                if !look::stands(&camera, detection) {
-                    continue;
-                }
-                let [u, v] = detection.middle_px().map(f64::from);
+            // What is smaller belongs to other areas; of several lights the tallest is the nearest.
+            let near = |detection: &&Detection| {
+                f64::from(detection.height_px()) >= least_px && look::stands(&camera, detection)
+            };
+            for detection in self.detections.iter().filter(near) {
+                self.signs.take(detection);
+            }
+            let is_light = |one: &&Detection| !matches!(one.class, ObjectClass::Sign(_));
+            let lights = self.detections.iter().filter(near).filter(is_light);
+            if let Some(light) = lights.max_by(|a, b| a.height_px().total_cmp(&b.height_px())) {
+                let [u, v] = light.middle_px().map(f64::from);
                 let ray =
                     camera.mounting.vehicle_from_camera() * camera.lens.ray(senda_geom::Vec2::new(u, v));
                 let bearing_rad = self.way.turned_rad + trig::atan2(ray.y, ray.x);
-                if f64::from(detection.height_px()) >= 0.8 * least_px {
-                    self.signs
-                        .take(detection, f64::from(detection.height_px()) >= least_px);
-                    self.light.take(detection, bearing_rad, self.clock.now);
-                }
+                self.light.take(light, bearing_rad, self.clock.now);
             }
         }
         self.count();

@@ -27,7 +27,7 @@ pub struct MissionOptions {
     pub turn_radps: f64,
     /// How far it turns to either side in search of sign and light (rad).
     pub search_rad: f64,
-    /// Boards whose boxes are smaller than this part of the frame's width belong to other areas.
+    /// Boards and lights whose boxes are lower than this part of the frame's width belong to other areas.
     pub sign_part: f64,
     /// Codes smaller than this part of the frame's width belong to other places.
     pub code_part: f64,
