@@ -4,10 +4,12 @@
 //! what is done in a step. It sees frames and nothing else: the order of depots, the layout and the true state are unknown to it.
 
 pub mod chart;
+mod conditions;
 mod halt;
 mod helm;
 mod look;
 mod options;
+mod perceive;
 
 pub use options::MissionOptions;
 
@@ -18,10 +20,7 @@ use helm::Remembered;
 use look::{LightSeen, Signs};
 use senda_core::{Body, Command, Driver, Explanation, Observation, Stamp, Turn};
 use senda_geom::trig;
-use senda_vision::street::trace::Expected;
-use senda_vision::{
-    ClassicalDetector, Detection, Detector, ObjectClass, QrCode, QrReader, StreetEyes, StreetView,
-};
+use senda_vision::{ClassicalDetector, Detection, Detector, QrCode, QrReader, StreetEyes, StreetView};
 
 /// Drives a delivery.
 pub struct MissionDriver {
@@ -181,171 +180,6 @@ impl MissionDriver {
         self.beyond.moved(forward_m, turned_rad);
     }
 
-    fn look(&mut self, observation: &Observation) {
-        let Some(frame) = observation.first_frame() else {
-            return;
-        };
-        self.clock.frame = self.clock.now;
-        self.counts.frames = self.counts.frames.wrapping_add(1);
-        let image = &frame.image;
-        if self.eyes.as_ref().is_none_or(|eyes| !eyes.fits(image)) {
-            let (width, height) = (image.width(), image.height());
-            self.eyes = Some(StreetEyes::new(
-                &self.body.cameras[0],
-                width,
-                height,
-                self.options.colours,
-            ));
-        }
-        let expected = match self.step {
-            Step::CrossJunction | Step::CrossBack => Expected {
-                left_m: self.beyond.left_at(0.26),
-                within_m: 0.06,
-            },
-            _ => Expected::default(),
-        };
-        let eyes = self.eyes.as_mut().expect("made above");
-        self.view.clone_from(eyes.look(image, expected));
-        if self.view.line.points.len() >= 3 {
-            self.clock.line = self.clock.now;
-        }
-        let reads = matches!(
-            self.step,
-            Step::WaitPackage | Step::ToArea | Step::TakeStreet | Step::Return
-        );
-        self.seen_codes.clear();
-        if reads && self.counts.frames.is_multiple_of(self.options.read_every) {
-            let least_px = self.options.code_part * image.width() as f64;
-            for code in self.reader.read(image) {
-                if f64::from(code.size_px()) >= least_px {
-                    self.codes.take(&code.text);
-                }
-                self.seen_codes.push(code.clone());
-            }
-        }
-        let detects = matches!(self.step, Step::Search | Step::WaitGreen);
-        self.detections.clear();
-        if detects && self.counts.frames.is_multiple_of(self.options.detect_every) {
-            self.detections.extend_from_slice(self.detector.detect(image));
-            let camera = self.body.cameras[0].resized(image.width() as u32, image.height() as u32);
-            let least_px = self.options.sign_part * image.width() as f64;
-            // What is smaller belongs to other areas; of several lights the tallest is the nearest.
-            let near = |detection: &&Detection| {
-                f64::from(detection.height_px()) >= least_px && look::stands(&camera, detection)
-            };
-            for detection in self.detections.iter().filter(near) {
-                self.signs.take(detection);
-            }
-            let is_light = |one: &&Detection| !matches!(one.class, ObjectClass::Sign(_));
-            let lights = self.detections.iter().filter(near).filter(is_light);
-            if let Some(light) = lights.max_by(|a, b| a.height_px().total_cmp(&b.height_px())) {
-                let [u, v] = light.middle_px().map(f64::from);
-                let ray =
-                    camera.mounting.vehicle_from_camera() * camera.lens.ray(senda_geom::Vec2::new(u, v));
-                let bearing_rad = self.way.turned_rad + trig::atan2(ray.y, ray.x);
-                self.light.take(light, bearing_rad, self.clock.now);
-            }
-        }
-        self.count();
-    }
-
-    /// Counts for how many frames in a row something has been seen.
-    fn count(&mut self) {
-        let counts = &mut self.counts;
-        let run = |count: u32, seen: bool| if seen { count + 1 } else { 0 };
-        let near = |limit_m: f64| {
-            self.view
-                .crossing
-                .is_some_and(|crossing| crossing.distance_m < limit_m)
-        };
-        counts.crossing = run(
-            counts.crossing,
-            near(self.options.approach_m) && self.way.stop_m > PAST_CROSSING_M,
-        );
-        let reach_m = if self.step == Step::Return { 0.45 } else { 0.62 };
-        let ahead = self
-            .view
-            .junction
-            .is_some_and(|junction| junction.distance_m < reach_m);
-        counts.junction = run(counts.junction, ahead);
-        let line = &self.view.line;
-        let straight = line
-            .direction_rad(0.05)
-            .is_some_and(|direction| (trig::tan(direction) - self.beyond.slope()).abs() < 0.3);
-        let below =
-            line.points.first().is_some_and(|point| point.x < 0.34) && line.length_m() > 0.1 && straight;
-        counts.below = run(counts.below, below);
-        counts.found = run(counts.found, line.length_m() > 0.08);
-    }
-
-    fn holds(&self, when: When) -> bool {
-        let counts = &self.counts;
-        let coded = self.codes.depot.is_some();
-        match when {
-            When::PackageRead => self.codes.package.is_some(),
-            When::CrossingAhead => counts.crossing >= 2,
-            When::CrossingWithoutCode => counts.crossing >= 2 && !coded,
-            When::GoalsCode => coded && self.codes.depot == self.goal,
-            When::OthersCode => coded && self.codes.depot != self.goal,
-            When::Aligned => self
-                .clock
-                .stands
-                .is_some_and(|since| self.clock.now.since_s(since) > 0.45),
-            When::SignAndLight => self.signs.digit().is_some() && self.light.known(),
-            When::SignAndNoLight => {
-                self.signs.digit().is_some() && !self.light.known() && counts.leg >= look::LEGS
-            }
-            When::TurnedGreen => self
-                .light
-                .turned_green(self.clock.now, self.options.green_patience_s),
-            When::FacingGoalsStreet => self.faces_street() && self.signs.digit() == self.goal,
-            When::FacingOthersStreet => self.faces_street() && self.signs.digit() != self.goal,
-            When::JunctionAhead => counts.junction >= 2,
-            When::LineBelow => counts.below >= 3 && self.way.step_m > 0.45,
-            When::StartsCode => self.codes.start,
-            When::LineLost => self.clock.now.since_s(self.clock.line) > LOST_S && self.in_step_s() > LOST_S,
-            When::LineFound => counts.found >= 3,
-            When::TimeOver => self.time_over(),
-            When::BatteryEmpty => counts.empty >= 10,
-        }
-    }
-
-    fn faces_street(&self) -> bool {
-        self.street_angle_rad().abs() < 0.035
-    }
-
-    /// How far the street lies to the left of the heading (rad): by the crossing where it is seen, else by reckoning.
-    fn street_angle_rad(&self) -> f64 {
-        match self.view.crossing {
-            Some(crossing) if self.way.turned_rad.abs() < 0.35 && crossing.distance_m < 0.4 => {
-                crossing.angle_rad
-            }
-            _ => -self.way.turned_rad,
-        }
-    }
-
-    fn time_over(&self) -> bool {
-        let options = &self.options;
-        let way_s = options.way_limit_m / options.speed_mps;
-        match self.step {
-            Step::WaitPackage => self.in_step_s() > options.package_limit_s,
-            Step::ToArea | Step::TakeStreet | Step::ToDepot | Step::Return | Step::ToStart => {
-                self.way.step_m > options.way_limit_m || self.in_step_s() > 2.0 * way_s
-            }
-            Step::ToJunction | Step::CrossJunction | Step::CrossBack => {
-                self.way.step_m > 1.8 || self.in_step_s() > 3.6 / options.speed_mps
-            }
-            Step::StopAtArea | Step::StopAtDepot | Step::StopAtStart => self.in_step_s() > 14.0,
-            // Twice all around.
-            Step::Search => self.counts.leg >= 2 * look::LEGS,
-            Step::WaitGreen => self.in_step_s() > options.light_limit_s,
-            Step::FaceStreet => self.in_step_s() > 8.0,
-            Step::Unload => self.in_step_s() > options.unload_s,
-            Step::FindLine => self.counts.leg >= look::LEGS,
-            Step::Home | Step::Failed => false,
-        }
-    }
-
     /// Takes the first transition of the chart whose condition holds.
     fn advance(&mut self) {
         if !matches!(self.step, Step::Home | Step::Failed) && self.holds(When::BatteryEmpty) {
@@ -433,23 +267,6 @@ impl MissionDriver {
         self.way.step_m = 0.0;
         (self.clock.began, self.clock.stands) = (self.clock.now, None);
         self.step = to;
-    }
-
-    /// Why it cannot go on, for people.
-    fn why(&self, when: When, from: Step) -> String {
-        match (when, from) {
-            (When::BatteryEmpty, _) => {
-                format!("the battery is below {:.1} V; charge it", self.options.empty_v)
-            }
-            (_, Step::WaitPackage) => "no package was shown".to_owned(),
-            (_, Step::Search) => "no sign was found before the junction".to_owned(),
-            (_, Step::WaitGreen) => "the light did not turn green".to_owned(),
-            (_, Step::FindLine) => "the line was lost and not found again".to_owned(),
-            (When::CrossingWithoutCode, _) => "a crossing without a depot's code before it".to_owned(),
-            (_, Step::ToJunction) => "no junction came after the area".to_owned(),
-            (_, Step::CrossJunction | Step::CrossBack) => "no line was found beyond the junction".to_owned(),
-            (_, step) => format!("what {} looks for did not come", step.name()),
-        }
     }
 
     fn command(&mut self) -> Command {
