@@ -20,6 +20,8 @@ pub struct ClassicalOptions {
     pub board_part: f64,
     /// Smallest lamp.
     pub lamp_part: f64,
+    /// Largest lamp: a bar of a crossing is as red, and larger.
+    pub lamp_limit_part: f64,
     /// Only this part of the frame's height is searched, from the top.
     pub part: f64,
 }
@@ -42,6 +44,7 @@ impl Default for ClassicalOptions {
             },
             board_part: 0.045,
             lamp_part: 0.016,
+            lamp_limit_part: 0.14,
             part: 0.8,
         }
     }
@@ -176,7 +179,8 @@ impl ClassicalDetector {
         let width = self.small.width() as f64;
         let is_round = |size: [usize; 4], filled: f64| {
             let (w, h) = ((size[2] - size[0]) as f64, (size[3] - size[1]) as f64);
-            (0.55..1.6).contains(&(w / h)) && filled > 0.5 && h >= options.lamp_part * width
+            let lamps = options.lamp_part * width..=options.lamp_limit_part * width;
+            (0.55..1.6).contains(&(w / h)) && filled > 0.5 && lamps.contains(&h) && w <= *lamps.end()
         };
         for level in [200, 225, 245] {
             self.blobs(
@@ -186,16 +190,17 @@ impl ClassicalDetector {
                     if !is_round(size, filled) {
                         return;
                     }
-                    let [red, green, blue] = mean(image, size);
-                    let (class, partner) = if red > green + TINT && red > blue + TINT {
+                    let tint = tint(mean(image, size));
+                    let (class, partner) = if tint > 0.0 {
                         (ObjectClass::RedLight, 1.0)
-                    } else if green > red + TINT {
-                        (ObjectClass::GreenLight, -1.0)
                     } else {
-                        return;
+                        (ObjectClass::GreenLight, -1.0)
                     };
-                    if let Some(confidence) = lamp(image, size, partner) {
-                        keep(class, housing(size, partner), confidence * filled / 0.785);
+                    // In warm light everything is reddish: a lamp is more so than its housing.
+                    if let Some(lamp) = lamp(image, size, partner)
+                        && (tint - lamp.housing_tint) * partner > TINT
+                    {
+                        keep(class, housing(size, partner), lamp.confidence * filled / 0.785);
                     }
                 },
             );
@@ -215,8 +220,8 @@ impl ClassicalDetector {
                         if !is_round(size, filled) {
                             return;
                         }
-                        if let Some(confidence) = lamp(image, size, partner) {
-                            keep(class, housing(size, partner), confidence * filled / 0.785);
+                        if let Some(lamp) = lamp(image, size, partner) {
+                            keep(class, housing(size, partner), lamp.confidence * filled / 0.785);
                         }
                     },
                 );
@@ -225,8 +230,13 @@ impl ClassicalDetector {
     }
 }
 
-/// By so much the colour of a lamp that outshines the camera stands out in the mean (grey levels).
-const TINT: u32 = 12;
+/// By so much the tint of a lamp that outshines the camera differs from its housing's.
+const TINT: f64 = 0.05;
+
+/// How much redder than green a colour is, as a part of the brighter of both.
+fn tint([red, green, _]: [u32; 3]) -> f64 {
+    (f64::from(red) - f64::from(green)) / f64::from(red.max(green).max(1))
+}
 
 /// Mean colour of a box.
 fn mean(image: &Image, [left, top, right, bottom]: [usize; 4]) -> [u32; 3] {
@@ -301,9 +311,16 @@ fn overlap(one: &Detection, other: &Detection) -> f32 {
     along(0) * along(1) / area(&one.box_px).min(area(&other.box_px)).max(1.0)
 }
 
+/// A light's lit lamp.
+struct Lamp {
+    confidence: f64,
+    /// [`tint`] of the housing beside it.
+    housing_tint: f64,
+}
+
 /// Whether a bright blob is a light's lamp: grey housing around it, and in the direction of its partner (1 down, -1 up) a
 /// dark lamp.
-fn lamp(image: &Image, [left, top, right, bottom]: [usize; 4], partner: f64) -> Option<f64> {
+fn lamp(image: &Image, [left, top, right, bottom]: [usize; 4], partner: f64) -> Option<Lamp> {
     let (w, h) = ((right - left) as f64, (bottom - top) as f64);
     let (u, v) = (0.5 * (left + right) as f64, 0.5 * (top + bottom) as f64);
     let radius = 0.25 * (w + h);
@@ -324,7 +341,10 @@ fn lamp(image: &Image, [left, top, right, bottom]: [usize; 4], partner: f64) -> 
     let dark = f64::from(own - other) / f64::from(own.max(1));
     // The dark lamp is darker than the housing: what lies below a crossing's red bar is street all over.
     let hole = 100 * other < 85 * value(between);
-    (dark > 0.35 && grey < 70 && value(between) < own && hole).then_some(0.6 + 0.4 * dark)
+    (dark > 0.35 && grey < 70 && value(between) < own && hole).then(|| Lamp {
+        confidence: 0.6 + 0.4 * dark,
+        housing_tint: tint(between.map(|value| value as u32)),
+    })
 }
 
 #[cfg(test)]
