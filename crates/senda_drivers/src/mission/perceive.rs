@@ -96,11 +96,15 @@ impl MissionDriver {
             .is_some_and(|junction| junction.distance_m < reach_m);
         counts.junction = run(counts.junction, ahead);
         let line = &self.view.line;
-        let straight = line
-            .direction_rad(0.05)
-            .is_some_and(|direction| (trig::tan(direction) - self.beyond.slope()).abs() < 0.3);
-        let below =
-            line.points.first().is_some_and(|point| point.x < 0.34) && line.length_m() > 0.1 && straight;
+        // As it is remembered, or, where a bend of the next street has drawn what is remembered aside, under the vehicle and along it.
+        let below = line.points.first().is_some_and(|first| {
+            first.x < 0.34
+                && line.length_m() > 0.1
+                && line.direction_rad(0.05).is_some_and(|direction_rad| {
+                    (trig::tan(direction_rad) - self.beyond.slope()).abs() < 0.3
+                        || (direction_rad.abs() < 0.2 && first.y.abs() < 0.05)
+                })
+        });
         counts.below = run(counts.below, below);
         counts.found = run(counts.found, line.length_m() > 0.08);
     }
