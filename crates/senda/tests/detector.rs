@@ -72,6 +72,23 @@ fn pictures_are_made_learned_and_judged_twice_the_same() {
     assert_eq!(judged["scores"], result["validation"]);
     assert_eq!(judged["pictures"], 3);
 
+    let classical = json(&[
+        "detector",
+        "evaluate",
+        "classical",
+        text(&at("set.data")),
+        "--json",
+    ]);
+    assert_eq!(classical["pictures"], 3);
+    let truths = |scores: &serde_json::Value| -> u64 {
+        let classes = scores["scores"]["classes"].as_array().unwrap();
+        classes
+            .iter()
+            .map(|class| class["truths"].as_u64().unwrap())
+            .sum()
+    };
+    assert_eq!(truths(&classical), truths(&judged));
+
     let list = std::fs::read_to_string(at("valid.txt")).unwrap();
     let picture = at(list.lines().next().unwrap());
     let drawn = at("drawn.png");

@@ -1,5 +1,6 @@
 //! `senda detector`: signs and lights in pictures (D7 in SPEC).
 
+mod classical;
 mod data;
 mod train;
 
@@ -10,6 +11,7 @@ use senda_core::{Encoded, Image};
 use senda_data::darknet::DataFile;
 use senda_learn::detector::{Pictures, evaluate, finder};
 use senda_nets::{Boxed, Model, Scores};
+use senda_vision::ClassicalDetector;
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -26,7 +28,7 @@ enum Command {
     Train(train::Arguments),
     /// How good a detector is on the pictures that judge: average precision, precision, recall
     Evaluate {
-        /// Model file
+        /// Model file, or `classical`
         model: PathBuf,
         /// `.data` file of the data set
         data: PathBuf,
@@ -42,7 +44,7 @@ enum Command {
     },
     /// Find things in a picture and draw boxes around them
     Run {
-        /// Model file
+        /// Model file, or `classical`
         model: PathBuf,
         /// JPEG or PNG
         picture: PathBuf,
@@ -111,32 +113,15 @@ fn warn(pictures: &Pictures) {
 }
 
 fn judge(model: &Path, file: &Path, threshold: f32, of_training: bool, json: bool) -> Result<()> {
-    let model = Model::load(model)?;
-    finder(&model, threshold)?;
     let (data, list) = list(file, of_training)?;
-    let pictures = Pictures::load(&data, file, &list, &model.input)?;
-    warn(&pictures);
-    let classes = model
-        .detection
-        .as_ref()
-        .map_or(0, |detection| detection.classes.len());
-    if data.classes != classes {
-        bail!(
-            "{}: expected {classes} classes as the model has, but found {}",
-            file.display(),
-            data.classes
-        );
-    }
-    let bar = terminal::bar("looking");
-    let begin_ns = terminal::clock_ns();
-    let scores = evaluate(&model, &pictures, threshold, &mut |done, of| {
-        bar.set_position((1000 * done / of.max(1)) as u64);
-    })?;
-    let ms = 1e3 * terminal::seconds_since(begin_ns) / pictures.len() as f64;
-    bar.finish_and_clear();
+    let (names, scores, pictures, ms) = if model == Path::new(classical::NAME) {
+        classical::evaluate(&data, file, &list, threshold)?
+    } else {
+        judge_model(&Model::load(model)?, &data, file, &list, threshold)?
+    };
     if json {
         let value = serde_json::json!({
-            "pictures": pictures.len(),
+            "pictures": pictures,
             "threshold": threshold,
             "scores": scores,
             "ms_per_picture": ms,
@@ -144,19 +129,47 @@ fn judge(model: &Path, file: &Path, threshold: f32, of_training: bool, json: boo
         println!("{}", serde_json::to_string_pretty(&value)?);
         return Ok(());
     }
-    println!("{} pictures, {ms:.2} ms each", pictures.len());
-    print_scores(&model, &scores, threshold);
+    println!("{pictures} pictures, {ms:.2} ms each");
+    print_scores(&names, &scores, threshold);
     Ok(())
 }
 
-fn print_scores(model: &Model, scores: &Scores, threshold: f32) {
+/// Names of the classes, figures, number of pictures, milliseconds a picture.
+fn judge_model(
+    model: &Model,
+    data: &DataFile,
+    file: &Path,
+    list: &Path,
+    threshold: f32,
+) -> Result<(Vec<String>, Scores, usize, f64)> {
+    let classes = finder(model, threshold)?.classes().to_vec();
+    let pictures = Pictures::load(data, file, list, &model.input)?;
+    warn(&pictures);
+    if data.classes != classes.len() {
+        bail!(
+            "{}: expected {} classes as the model has, but found {}",
+            file.display(),
+            classes.len(),
+            data.classes
+        );
+    }
+    let bar = terminal::bar("looking");
+    let begin_ns = terminal::clock_ns();
+    let scores = evaluate(model, &pictures, threshold, &mut |done, of| {
+        bar.set_position((1000 * done / of.max(1)) as u64);
+    })?;
+    let ms = 1e3 * terminal::seconds_since(begin_ns) / pictures.len() as f64;
+    bar.finish_and_clear();
+    Ok((classes, scores, pictures.len(), ms))
+}
+
+fn print_scores(names: &[String], scores: &Scores, threshold: f32) {
     println!(
         "mAP at overlap 0.5: {:.1} %; precision and recall at confidence {threshold}",
         100.0 * scores.mean_average_precision
     );
-    let names = model.detection.iter().flat_map(|detection| &detection.classes);
     let part = |part: Option<f64>| part.map_or("-".to_owned(), |part| format!("{:.1} %", 100.0 * part));
-    for (name, class) in names.zip(&scores.classes) {
+    for (name, class) in names.iter().zip(&scores.classes) {
         println!(
             "  {name:14} AP {:>7}  precision {:>7}  recall {:>7}  of {}",
             part(class.average_precision),
@@ -168,8 +181,6 @@ fn print_scores(model: &Model, scores: &Scores, threshold: f32) {
 }
 
 fn find(model: &Path, picture: &Path, threshold: f32, out: Option<&Path>, json: bool) -> Result<()> {
-    let model = Model::load(model)?;
-    let mut finder = finder(&model, threshold)?;
     let name = picture.display();
     let bytes = std::fs::read(picture).with_context(|| format!("cannot read {name}"))?;
     let mut image = Encoded::recognise(bytes)
@@ -178,8 +189,15 @@ fn find(model: &Path, picture: &Path, threshold: f32, out: Option<&Path>, json: 
     if image.is_empty() {
         bail!("{name}: expected a picture, but found an empty one");
     }
-    let found = finder.find(&image).to_vec();
-    let classes = finder.classes();
+    let (classes, found) = if model == Path::new(classical::NAME) {
+        let mut found = classical::find(&mut ClassicalDetector::default(), &image);
+        found.retain(|one| one.confidence > threshold);
+        (classical::names(), found)
+    } else {
+        let mut finder = finder(&Model::load(model)?, threshold)?;
+        let found = finder.find(&image).to_vec();
+        (finder.classes().to_vec(), found)
+    };
     if let Some(out) = out {
         for one in &found {
             outline(&mut image, one);

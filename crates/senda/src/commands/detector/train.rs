@@ -162,7 +162,11 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
     );
     if let Some((scores, count)) = &judged {
         println!("on {count} pictures that it did not learn from:");
-        print_scores(&model, scores, 0.5);
+        let names = model
+            .detection
+            .as_ref()
+            .map_or(&[][..], |detection| &detection.classes);
+        print_scores(names, scores, 0.5);
     }
     Ok(())
 }
