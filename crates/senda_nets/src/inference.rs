@@ -132,8 +132,6 @@ impl Inference {
 
     /// Forgets what a recurrent network has seen.
     pub fn reset_state(&mut self) {
-        for values in &mut self.state.values {
-            values.fill(0.0);
-        }
+        self.state.forget();
     }
 }

@@ -106,8 +106,8 @@ fn list(path: &Path, of_training: bool) -> Result<(DataFile, PathBuf)> {
     Ok((data, list))
 }
 
-fn warn(pictures: &Pictures) {
-    for warning in pictures.warnings.iter().take(20) {
+fn warn(warnings: &[String]) {
+    for warning in warnings.iter().take(20) {
         eprintln!("warning: {warning}");
     }
 }
@@ -144,7 +144,7 @@ fn judge_model(
 ) -> Result<(Vec<String>, Scores, usize, f64)> {
     let classes = finder(model, threshold)?.classes().to_vec();
     let pictures = Pictures::load(data, file, list, &model.input)?;
-    warn(&pictures);
+    warn(&pictures.warnings);
     if data.classes != classes.len() {
         bail!(
             "{}: expected {} classes as the model has, but found {}",

@@ -1,6 +1,6 @@
 //! `senda learn`: from nothing to a driving network.
 
-use super::{keep_earlier, report::command_line, training_report};
+use super::{report::command_line, save_model, training_report};
 use crate::terminal;
 use anyhow::{Context, Result};
 use clap::Args;
@@ -143,8 +143,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         std::fs::create_dir_all(folder)
             .with_context(|| format!("cannot make folder {}", folder.display()))?;
     }
-    keep_earlier(&arguments.out)?;
-    model.save(&arguments.out)?;
+    save_model(&model, &arguments.out)?;
     let told = training_report::Told {
         model: &model,
         history: &learned.history,

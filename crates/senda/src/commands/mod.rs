@@ -24,6 +24,7 @@ pub(crate) mod world;
 
 use anyhow::{Context, Result};
 use senda_core::whole_file;
+use senda_nets::Model;
 use std::path::Path;
 
 /// Writes a file whole or not at all: a full disk must not leave half a report over a good one.
@@ -36,18 +37,17 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
         .with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Puts the model that already lies where another one is to be written aside, as `NAME.earlier`: it may have cost hours.
-pub(crate) fn keep_earlier(path: &Path) -> Result<()> {
-    if !path.is_file() {
-        return Ok(());
+/// Writes a model. One that lies there already is put aside as `NAME.earlier`: it may have cost hours.
+pub(crate) fn save_model(model: &Model, path: &Path) -> Result<()> {
+    if path.is_file() {
+        let mut aside = path.as_os_str().to_owned();
+        aside.push(".earlier");
+        std::fs::rename(path, &aside).with_context(|| format!("cannot rename {}", path.display()))?;
+        eprintln!(
+            "{}: the model that was there is now {}",
+            path.display(),
+            Path::new(&aside).display()
+        );
     }
-    let mut aside = path.as_os_str().to_owned();
-    aside.push(".earlier");
-    std::fs::rename(path, &aside).with_context(|| format!("cannot rename {}", path.display()))?;
-    eprintln!(
-        "{}: the model that was there is now {}",
-        path.display(),
-        Path::new(&aside).display()
-    );
-    Ok(())
+    Ok(model.save(path)?)
 }

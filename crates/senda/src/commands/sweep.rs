@@ -222,7 +222,11 @@ pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
             .map_or("-".to_owned(), |error| format!("{:.2} cm", error.value * 100.0));
         println!(
             "{:30} {:>6}  {:>24}  {:>24}  {:>12}",
-            format!("{} {}", row.by, row.value),
+            if row.by == "all" {
+                row.value.clone()
+            } else {
+                format!("{} {}", row.by, row.value)
+            },
             row.completed.count,
             percent(&row.completed),
             percent(&row.without_loss),

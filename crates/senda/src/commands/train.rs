@@ -1,6 +1,6 @@
 //! `senda train`: a network on recordings.
 
-use super::{keep_earlier, report::command_line, training_report};
+use super::{report::command_line, save_model, training_report};
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -393,8 +393,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         detection: None,
         forgets,
     };
-    keep_earlier(&arguments.out)?;
-    model.save(&arguments.out)?;
+    save_model(&model, &arguments.out)?;
     let in_folder = arguments.folder.as_ref().map(|folder| folder.join("report.html"));
     for path in arguments.report.iter().chain(&in_folder) {
         let told = training_report::Told {

@@ -100,7 +100,7 @@ pub fn sweep_table(runs: &[SweepRun]) -> SweepTable {
         .iter()
         .filter_map(|run| Some((run, run.summary.as_ref()?)))
         .collect();
-    let mut rows = vec![row("all", "runs", &made)];
+    let mut rows = vec![row("all", "all runs", &made)];
     for (by, property) in PROPERTIES {
         let mut values: Vec<(String, Vec<(&SweepRun, &Summary)>)> = Vec::new();
         for (run, summary) in &made {

@@ -385,8 +385,8 @@ fn a_sweep_counts_by_property_and_tells_how_to_repeat_failures() {
     };
     assert_eq!(
         (
-            row("all", "runs").without_loss.hits,
-            row("all", "runs").completed.hits
+            row("all", "all runs").without_loss.hits,
+            row("all", "all runs").completed.hits
         ),
         (39, 40)
     );

@@ -9,6 +9,30 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 impl Engine {
+    /// Runs all layers, without dropout and by running statistics, for the first `count` inputs of a frame.
+    pub(crate) fn infer(
+        &self,
+        weights: &[f32],
+        packed: &Packed,
+        frame: &mut Frame,
+        state: &mut State,
+        scratch: &mut Scratch,
+        count: usize,
+    ) {
+        for index in 0..self.layers.len() {
+            self.forward(
+                index,
+                Mode::Inference,
+                weights,
+                packed,
+                frame,
+                state,
+                scratch,
+                count,
+            );
+        }
+    }
+
     /// Runs one layer for the first `count` inputs of a frame.
     #[allow(
         clippy::too_many_arguments,

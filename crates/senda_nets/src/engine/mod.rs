@@ -149,6 +149,15 @@ pub(crate) struct State {
     pub(crate) gradients: Vec<Vec<f32>>,
 }
 
+impl State {
+    /// Every sequence begins anew.
+    pub(crate) fn forget(&mut self) {
+        for values in &mut self.values {
+            values.fill(0.0);
+        }
+    }
+}
+
 impl Engine {
     pub(crate) fn new(network: &Network, chunk: usize, is_for_training: bool) -> Self {
         let count = network.layers().len();

@@ -283,9 +283,7 @@ impl Trainer {
     /// Forgets the state of every sequence.
     pub fn reset_state(&mut self) {
         for group in &self.groups {
-            for values in &mut lock(group).state.values {
-                values.fill(0.0);
-            }
+            lock(group).state.forget();
         }
     }
 
@@ -359,29 +357,36 @@ impl Trainer {
         self.grow(batch);
         let groups = batch.groups(self.engine.chunk);
         if self.stages.len() == 1 {
-            let (engine, memory) = (&self.engine, &self.worker_memory);
-            let (packed, weights, statistics) = (&self.packed, &self.weights.values, &self.statistics);
-            let (options, step, all) = (&self.options, self.step, &self.groups);
-            self.workers.run(groups, &|worker, index| {
-                let Worker { frames, scratch, .. } = &mut *lock(&memory[worker]);
-                let group = &mut *lock(&all[index]);
-                let pass = Pass {
-                    engine,
-                    packed,
-                    weights,
-                    statistics,
-                    options,
-                    step,
-                    batch,
-                    index,
-                };
-                pass.run(frames, group, scratch);
+            self.each_pass(batch, |pass, worker, group| {
+                pass.run(&mut worker.frames, group, &mut worker.scratch);
             });
         } else {
             self.staged_gradients(batch);
         }
         let loss: f64 = self.groups[..groups].iter().map(|group| lock(group).loss).sum();
         loss as f32
+    }
+
+    /// Does something for every group of a batch, on all threads.
+    fn each_pass(&mut self, batch: Batch, work: impl Fn(&Pass, &mut Worker, &mut Group) + Sync) {
+        let (engine, memory) = (&self.engine, &self.worker_memory);
+        let (packed, weights, statistics) = (&self.packed, &self.weights.values, &self.statistics);
+        let (options, step, all) = (&self.options, self.step, &self.groups);
+        self.workers.run(batch.groups(engine.chunk), &|worker, index| {
+            let worker = &mut *lock(&memory[worker]);
+            let group = &mut *lock(&all[index]);
+            let pass = Pass {
+                engine,
+                packed,
+                weights,
+                statistics,
+                options,
+                step,
+                batch,
+                index,
+            };
+            work(&pass, worker, group);
+        });
     }
 }
 

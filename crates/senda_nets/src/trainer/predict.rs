@@ -1,7 +1,6 @@
 //! Outputs and losses with the weights as they are, on all threads.
 
 use super::{Trainer, lock};
-use crate::engine::Mode;
 use std::ops::Range;
 use std::sync::{PoisonError, RwLock};
 
@@ -54,26 +53,14 @@ impl Trainer {
             let worker = &mut *lock(&memory[worker]);
             let first = group * chunk;
             let count = chunk.min(sequences - first);
-            for values in &mut worker.state.values {
-                values.fill(0.0);
-            }
+            worker.state.forget();
             let frame = &mut worker.frames[0];
             for step in 0..steps {
                 let place = step * sequences + first;
                 frame.values[0][..count * in_len]
                     .copy_from_slice(&inputs[place * in_len..(place + count) * in_len]);
-                for index in 0..engine.layers.len() {
-                    engine.forward(
-                        index,
-                        Mode::Inference,
-                        &weights.values,
-                        packed,
-                        frame,
-                        &mut worker.state,
-                        &mut worker.scratch,
-                        count,
-                    );
-                }
+                let (state, scratch) = (&mut worker.state, &mut worker.scratch);
+                engine.infer(&weights.values, packed, frame, state, scratch, count);
                 let from = &frame.values[engine.layers.len()][..count * out_len];
                 let mut outputs = outputs.write().unwrap_or_else(PoisonError::into_inner);
                 outputs[place * out_len..(place + count) * out_len].copy_from_slice(from);
@@ -98,24 +85,12 @@ impl Trainer {
         let outputs = RwLock::new(outputs);
         self.workers.run(runs.len(), &|worker, run| {
             let worker = &mut *lock(&memory[worker]);
-            for values in &mut worker.state.values {
-                values.fill(0.0);
-            }
+            worker.state.forget();
             let frame = &mut worker.frames[0];
             for number in runs[run].clone() {
                 read(number, &mut frame.values[0][..in_len]);
-                for index in 0..engine.layers.len() {
-                    engine.forward(
-                        index,
-                        Mode::Inference,
-                        &weights.values,
-                        packed,
-                        frame,
-                        &mut worker.state,
-                        &mut worker.scratch,
-                        1,
-                    );
-                }
+                let (state, scratch) = (&mut worker.state, &mut worker.scratch);
+                engine.infer(&weights.values, packed, frame, state, scratch, 1);
                 let from = &frame.values[engine.layers.len()][..out_len];
                 let mut outputs = outputs.write().unwrap_or_else(PoisonError::into_inner);
                 outputs[number * out_len..(number + 1) * out_len].copy_from_slice(from);

@@ -71,24 +71,9 @@ impl Trainer {
             .copied()
             .unwrap_or(self.engine.layers.len());
         let range = self.stages[stage]..end;
-        let (engine, memory) = (&self.engine, &self.worker_memory);
-        let (packed, weights, statistics) = (&self.packed, &self.weights.values, &self.statistics);
-        let (options, step, all) = (&self.options, self.step, &self.groups);
-        self.workers.run(batch.groups(engine.chunk), &|worker, index| {
-            let worker = &mut *lock(&memory[worker]);
-            let group = &mut *lock(&all[index]);
-            let pass = Pass {
-                engine,
-                packed,
-                weights,
-                statistics,
-                options,
-                step,
-                batch,
-                index,
-            };
+        self.each_pass(batch, |pass, worker, group| {
             let mut frames = std::mem::take(&mut group.frames);
-            work(&pass, &mut frames[0], group, &mut worker.scratch, range.clone());
+            work(pass, &mut frames[0], group, &mut worker.scratch, range.clone());
             group.frames = frames;
         });
     }

@@ -146,9 +146,12 @@ impl Print {
         let size_mm = (high - low) * 1e3;
         let count = |length: f64, tile: f64| (length / tile).ceil().max(1.0);
         let (columns, rows) = (count(size_mm.x, tile.x), count(size_mm.y, tile.y));
-        let [width_m, height_m] = [size_mm.x / 1e3, size_mm.y / 1e3];
+        let too_large = CannotPrint::TooLarge {
+            width_m: size_mm.x / 1e3,
+            height_m: size_mm.y / 1e3,
+        };
         if columns * rows > 20.0 * SHEET_LIMIT as f64 {
-            return Err(CannotPrint::TooLarge { width_m, height_m });
+            return Err(too_large);
         }
         let (columns, rows) = (columns as usize, rows as usize);
         let layout = Layout {
@@ -168,7 +171,7 @@ impl Print {
         match total {
             0 => return Err(CannotPrint::Nothing),
             1..=SHEET_LIMIT => (),
-            _ => return Err(CannotPrint::TooLarge { width_m, height_m }),
+            _ => return Err(too_large),
         }
         let mut sheets = Vec::new();
         for row in (0..rows).rev() {

@@ -61,9 +61,7 @@ pub(super) fn evaluate(
         );
     }
     let listed = data.images(list, file)?;
-    for warning in listed.warnings.iter().take(20) {
-        eprintln!("warning: {warning}");
-    }
+    super::warn(&listed.warnings);
     let mut scorer = Scorer::new(wanted.len(), 0.5);
     let (mut detector, mut image) = (ClassicalDetector::default(), Image::default());
     let (mut seconds, mut count) = (0.0, 0);

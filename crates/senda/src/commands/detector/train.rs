@@ -1,7 +1,7 @@
 //! `senda detector train` and `export`.
 
 use super::{list, print_scores, warn};
-use crate::commands::{keep_earlier, report::command_line, write_file};
+use crate::commands::{report::command_line, save_model, write_file};
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -70,7 +70,7 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
     options.threads = arguments.jobs.unwrap_or(options.threads);
     let mut model = begin(&arguments, &classes, options.seed)?;
     let mut pictures = Pictures::load(&data, &arguments.data, &names, &model.input)?;
-    warn(&pictures);
+    warn(&pictures.warnings);
     if let Some(count) = arguments.pictures {
         pictures.truths.truncate(count);
         pictures
@@ -140,8 +140,7 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
             .metrics
             .insert("validation".into(), serde_json::to_value(scores)?);
     }
-    keep_earlier(&arguments.out)?;
-    model.save(&arguments.out)?;
+    save_model(&model, &arguments.out)?;
     let wall_s = terminal::seconds_since(began_ns);
     if arguments.json {
         let value = serde_json::json!({

@@ -1,6 +1,6 @@
 //! `senda model import`: a network of another program becomes a model file.
 
-use crate::commands::{keep_earlier, report::command_line, train::word};
+use crate::commands::{report::command_line, save_model, train::word};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use senda_drivers::Answer;
@@ -178,8 +178,7 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
         detection: None,
         forgets: false,
     };
-    keep_earlier(&arguments.out)?;
-    model.save(&arguments.out)?;
+    save_model(&model, &arguments.out)?;
     if arguments.json {
         let value = serde_json::json!({
             "model": arguments.out,

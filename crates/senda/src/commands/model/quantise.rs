@@ -1,6 +1,6 @@
 //! `senda model quantise`: 8 bits, and what they change.
 
-use crate::commands::{keep_earlier, report::command_line};
+use crate::commands::{report::command_line, save_model};
 use crate::terminal;
 use anyhow::{Result, bail};
 use clap::Args;
@@ -62,8 +62,7 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
         made.notes.push_str("; ");
     }
     made.notes.push_str(&note);
-    keep_earlier(&arguments.out)?;
-    quantised.model.save(&arguments.out)?;
+    save_model(&quantised.model, &arguments.out)?;
     let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |data| data.len());
     let sizes = [size(&arguments.model), size(&arguments.out)];
     if arguments.json {
