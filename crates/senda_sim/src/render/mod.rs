@@ -284,13 +284,13 @@ impl Sampler<'_> {
     /// The colours of row `v`.
     fn row(&mut self, v: usize, row: &mut [Colours]) {
         let table = self.table;
-        let floor = &table.floor[v * table.groups_per_row..(v + 1) * table.groups_per_row];
+        let floor = v * table.groups_per_row;
         for run in &table.runs[table.row_runs[v]..table.row_runs[v + 1]] {
             let groups = run.first..run.end;
             let entries = run.backdrop..run.backdrop + groups.len();
             let row = &mut row[groups.clone()];
             if run.shows != Shows::Backdrop {
-                let floor = &floor[groups.clone()];
+                let floor = table.floor.run(floor + run.first..floor + run.end);
                 self.kernel
                     .sample(self.ground, self.floor, self.looks_log2, floor, row);
             }
@@ -298,7 +298,7 @@ impl Sampler<'_> {
                 continue;
             }
             let room = self.scene.backdrop().panorama().texels();
-            let rays = &table.backdrop[entries.clone()];
+            let rays = table.backdrop.run(entries.clone());
             if run.shows == Shows::Backdrop {
                 self.kernel
                     .sample(room, self.backdrop, self.looks_log2, rays, row);

@@ -1,7 +1,7 @@
 //! What every pixel of a camera looks at, computed once: floor points, backdrop directions, levels of detail.
 
 use super::backdrop::Backdrop;
-use super::kernel::{GROUP, Group, LEVELS, SLOTS, STEPS_PER_TEXEL};
+use super::kernel::{Detail, GROUP, Group, Groups, LEVELS, Positions, SLOTS, STEPS_PER_TEXEL};
 use senda_geom::{Camera, Vec2, Vec3, angle, trig};
 
 /// Rays flatter than this (vertical part of the unit direction) meet the floor no nearer than 2,000 camera heights.
@@ -45,9 +45,9 @@ pub(super) struct RayTable {
     pub(super) height: usize,
     pub(super) groups_per_row: usize,
     /// Floor points of all groups, row by row.
-    pub(super) floor: Vec<Group>,
+    pub(super) floor: Groups,
     /// Backdrop directions of the groups that show it.
-    pub(super) backdrop: Vec<Group>,
+    pub(super) backdrop: Groups,
     /// For those groups: how much of each pixel is floor, 0..=128.
     pub(super) floor_part: Vec<[u8; GROUP]>,
     pub(super) runs: Vec<Run>,
@@ -80,8 +80,8 @@ impl RayTable {
             )
         };
         let texels_per_m = 1.0 / metres_per_texel;
-        let mut floor = Vec::with_capacity(groups_per_row * height);
-        let (mut backdrop, mut floor_part) = (Vec::new(), Vec::new());
+        let mut floor = Groups::with_capacity(groups_per_row * height);
+        let (mut backdrop, mut floor_part) = (Groups::default(), Vec::new());
         let mut finest = f64::INFINITY;
         let (mut runs, mut row_runs): (Vec<Run>, Vec<usize>) = (Vec::new(), vec![0]);
         for v in 0..height {
@@ -97,15 +97,19 @@ impl RayTable {
                 let points: [Vec2; GROUP] = std::array::from_fn(|k| floor_of(ray(u + k, v)) * texels_per_m);
                 let across = points[4] - points[3];
                 let along = floor_of(ray(u + 3, below)) * texels_per_m - points[3];
-                let detail = Detail::of(across, along, levels, sharpness);
+                let detail = Footprint::of(across, along, levels, sharpness);
                 finest = finest.min(detail.short);
                 let scale = STEPS_PER_TEXEL / f64::from(1u32 << detail.level);
                 floor.push(Group {
-                    x: SLOTS.map(|k| (points[k].x * scale) as f32),
-                    y: SLOTS.map(|k| (points[k].y * scale) as f32),
-                    spread: [(detail.major.x * scale) as f32, (detail.major.y * scale) as f32],
-                    level: detail.level,
-                    looks_log2: detail.looks_log2,
+                    at: Positions {
+                        x: SLOTS.map(|k| (points[k].x * scale) as f32),
+                        y: SLOTS.map(|k| (points[k].y * scale) as f32),
+                    },
+                    detail: Detail {
+                        spread: [(detail.major.x * scale) as f32, (detail.major.y * scale) as f32],
+                        level: detail.level as u8,
+                        looks_log2: detail.looks_log2 as u8,
+                    },
                 });
                 let parts: [u8; GROUP] = std::array::from_fn(|k| {
                     let here = ray(u + k, v).z;
@@ -121,7 +125,7 @@ impl RayTable {
                 } else {
                     Shows::Both
                 };
-                let entry = backdrop.len();
+                let entry = floor_part.len();
                 if shows != Shows::Floor {
                     backdrop.push(backdrop_group(std::array::from_fn(|k| ray(u + k, v))));
                     floor_part.push(parts);
@@ -163,20 +167,20 @@ impl RayTable {
 
 impl RayTable {
     /// The groups that look at the floor.
-    pub(super) fn floor_groups(&self) -> impl Iterator<Item = &Group> {
+    pub(super) fn floor_groups(&self) -> impl Iterator<Item = (&Positions, &Detail)> {
         let rows = self.row_runs.windows(2).map(|row| &self.runs[row[0]..row[1]]);
         rows.enumerate().flat_map(move |(v, runs)| {
             let seen = runs.iter().filter(|run| run.shows != Shows::Backdrop);
             seen.flat_map(move |run| {
                 let row = v * self.groups_per_row;
-                &self.floor[row + run.first..row + run.end]
+                self.floor.run(row + run.first..row + run.end).iter()
             })
         })
     }
 }
 
 /// Level and looks for a pixel's footprint.
-struct Detail {
+struct Footprint {
     level: u32,
     looks_log2: u32,
     /// The footprint's longer axis in texels of level 0.
@@ -185,7 +189,7 @@ struct Detail {
     short: f64,
 }
 
-impl Detail {
+impl Footprint {
     /// `across` and `along` are the steps (texels) to the neighbouring pixels.
     fn of(across: Vec2, along: Vec2, levels: usize, sharpness: Sharpness) -> Self {
         // Axes of the ellipse J·Jᵀ with J = [across along].
@@ -231,16 +235,20 @@ fn backdrop_group(rays: [Vec3; GROUP]) -> Group {
     let first = trig::atan2(rays[0].y, rays[0].x);
     let scale = Backdrop::TEXELS_PER_RAD * STEPS_PER_TEXEL;
     Group {
-        // Continuous over the seam behind the vehicle.
-        x: SLOTS.map(|k| {
-            let ray = rays[k];
-            let azimuth = first + angle::difference(trig::atan2(ray.y, ray.x), first);
-            (azimuth * scale) as f32
-        }),
-        y: SLOTS.map(|k| (trig::asin(rays[k].z.clamp(-1.0, 1.0)) * scale) as f32),
-        spread: [0.0; 2],
-        level: 0,
-        looks_log2: 0,
+        at: Positions {
+            // Continuous over the seam behind the vehicle.
+            x: SLOTS.map(|k| {
+                let ray = rays[k];
+                let azimuth = first + angle::difference(trig::atan2(ray.y, ray.x), first);
+                (azimuth * scale) as f32
+            }),
+            y: SLOTS.map(|k| (trig::asin(rays[k].z.clamp(-1.0, 1.0)) * scale) as f32),
+        },
+        detail: Detail {
+            spread: [0.0; 2],
+            level: 0,
+            looks_log2: 0,
+        },
     }
 }
 
@@ -251,8 +259,8 @@ mod tests {
     #[test]
     fn a_stretched_footprint_takes_more_looks_and_a_finer_level() {
         let (across, along) = (Vec2::new(0.0, -2.0), Vec2::new(-8.0, 0.0));
-        let single = Detail::of(across, along, 10, Sharpness::Single);
-        let spread = Detail::of(across, along, 10, Sharpness::Spread);
+        let single = Footprint::of(across, along, 10, Sharpness::Single);
+        let spread = Footprint::of(across, along, 10, Sharpness::Spread);
         assert_eq!((single.level, single.looks_log2), (2, 0));
         assert_eq!((spread.level, spread.looks_log2), (1, 2));
         assert!((spread.major.x.abs() - 8.0).abs() < 1e-9 && spread.major.y.abs() < 1e-6);
@@ -260,7 +268,7 @@ mod tests {
 
     #[test]
     fn a_magnified_texture_uses_one_look_at_the_finest_level() {
-        let detail = Detail::of(Vec2::new(0.0, 0.2), Vec2::new(0.9, 0.0), 10, Sharpness::Spread);
+        let detail = Footprint::of(Vec2::new(0.0, 0.2), Vec2::new(0.9, 0.0), 10, Sharpness::Spread);
         assert_eq!((detail.level, detail.looks_log2), (0, 0));
     }
 }

@@ -1,6 +1,6 @@
 //! Which part of the floor a camera looks at, level of detail by level of detail.
 
-use super::kernel::{Group, STEPS_PER_TEXEL};
+use super::kernel::{Detail, Positions, STEPS_PER_TEXEL};
 use senda_geom::{Vec2, trig};
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -91,23 +91,23 @@ impl Squares {
 
 impl Outline {
     /// The outlines of a camera's groups, the finest level first.
-    pub(super) fn of_groups<'a>(groups: impl Iterator<Item = &'a Group>) -> Vec<Self> {
+    pub(super) fn of_groups<'a>(groups: impl Iterator<Item = (&'a Positions, &'a Detail)>) -> Vec<Self> {
         let directions: [Vec2; SIDES] = std::array::from_fn(|i| {
             let (sin, cos) = trig::sincos(2.0 * PI * i as f64 / SIDES as f64);
             Vec2::new(cos, sin)
         });
         let mut supports: Vec<Option<[f64; SIDES]>> = Vec::new();
-        for group in groups {
-            let level = group.level as usize;
+        for (at, detail) in groups {
+            let level = usize::from(detail.level);
             let scale = f64::from(1u32 << level) / STEPS_PER_TEXEL;
-            let (low, high) = group.x.iter().zip(&group.y).fold(
-                (Vec2::INFINITY, Vec2::NEG_INFINITY),
-                |(low, high), (x, y)| {
-                    let point = Vec2::new(f64::from(*x), f64::from(*y));
-                    (low.min(point), high.max(point))
-                },
-            );
-            let spread = Vec2::new(f64::from(group.spread[0]), f64::from(group.spread[1])).abs();
+            let (low, high) =
+                at.x.iter()
+                    .zip(&at.y)
+                    .fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), (x, y)| {
+                        let point = Vec2::new(f64::from(*x), f64::from(*y));
+                        (low.min(point), high.max(point))
+                    });
+            let spread = Vec2::new(f64::from(detail.spread[0]), f64::from(detail.spread[1])).abs();
             let middle = (low + high) * (0.5 * scale);
             let half = (high - low + spread) * (0.5 * scale) + Vec2::splat(REACH * f64::from(1u32 << level));
             if supports.len() <= level {

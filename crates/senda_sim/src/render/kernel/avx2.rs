@@ -1,8 +1,8 @@
 //! The pixel loops with 256-bit vectors. Every step mirrors `portable.rs`, bit for bit; tests compare them.
 
 use super::{
-    Colours, GROUP, Group, LevelLayout, LightNode, Look, Looks, MOST_LOOKS_LOG2, STRIP, Shading, Surface,
-    Texel, Texels, middle,
+    Colours, Detail, GROUP, GroupRun, LevelLayout, LightNode, Look, Looks, MOST_LOOKS_LOG2, Positions, STRIP,
+    Shading, Surface, Texel, Texels, middle,
 };
 use std::arch::x86_64::*;
 use std::mem::MaybeUninit;
@@ -42,21 +42,25 @@ pub(super) unsafe fn sample(
     texels: Texels<'_>,
     looks: &Looks,
     looks_log2: u32,
-    groups: &[Group],
+    groups: GroupRun<'_>,
     out: &mut [Colours],
 ) {
     let mut places: Places = [const { MaybeUninit::uninit() }; AHEAD];
-    if looks_log2 == 0 && groups.iter().all(|group| group.looks_log2 == 0) {
-        for (groups, out) in groups.chunks(AHEAD).zip(out.chunks_mut(AHEAD)) {
-            sample_once(texels, &looks[0], &mut places, groups, out);
+    let (mut groups, mut out) = (groups, &mut out[..groups.len()]);
+    if looks_log2 == 0 && groups.look_once() {
+        while groups.len() > 0 {
+            let ahead = AHEAD.min(groups.len());
+            let (now, later) = groups.split_at(ahead);
+            let (out_now, out_later) = out.split_at_mut(ahead);
+            sample_once(texels, &looks[0], &mut places, now, out_now);
+            (groups, out) = (later, out_later);
         }
         return;
     }
-    let (mut groups, mut out) = (groups, &mut out[..groups.len()]);
-    while !groups.is_empty() {
+    while groups.len() > 0 {
         let (mut ahead, mut looks_ahead) = (0, 0);
-        for group in groups {
-            let count = 1 << looks_log2.max(group.looks_log2);
+        for detail in groups.details() {
+            let count = looks_of(detail, looks_log2);
             if looks_ahead + count > AHEAD {
                 break;
             }
@@ -72,11 +76,17 @@ pub(super) unsafe fn sample(
 /// For groups with one look a pixel, at most [`AHEAD`].
 #[target_feature(enable = "avx2")]
 #[inline]
-fn sample_once(texels: Texels<'_>, look: &Look, places: &mut Places, groups: &[Group], out: &mut [Colours]) {
-    for (group, place) in groups.iter().zip(places.iter_mut()) {
-        let layout = &texels.layouts[group.level as usize];
-        let (x, y) = positions(group);
-        place.write(find(layout, look, look.origin[group.level as usize], x, y));
+fn sample_once(
+    texels: Texels<'_>,
+    look: &Look,
+    places: &mut Places,
+    groups: GroupRun<'_>,
+    out: &mut [Colours],
+) {
+    for ((at, detail), place) in groups.iter().zip(places.iter_mut()) {
+        let level = usize::from(detail.level);
+        let (x, y) = positions(at);
+        place.write(find(&texels.layouts[level], look, &look.origin[level], x, y));
     }
     for (place, out) in found(places, groups.len()).iter().zip(out) {
         let [a, b, c, d] = look_up(texels.texels, place);
@@ -94,26 +104,27 @@ fn sample_often(
     looks: &Looks,
     looks_log2: u32,
     places: &mut Places,
-    groups: &[Group],
+    groups: GroupRun<'_>,
     out: &mut [Colours],
 ) {
     let mut taken = 0;
-    for group in groups {
-        let count = 1usize << looks_log2.max(group.looks_log2);
-        let layout = &texels.layouts[group.level as usize];
-        let (x, y) = positions(group);
-        let (spread_x, spread_y) = (_mm256_set1_ps(group.spread[0]), _mm256_set1_ps(group.spread[1]));
+    for (at, detail) in groups.iter() {
+        let count = looks_of(detail, looks_log2);
+        let level = usize::from(detail.level);
+        let layout = &texels.layouts[level];
+        let (x, y) = positions(at);
+        let (spread_x, spread_y) = (_mm256_set1_ps(detail.spread[0]), _mm256_set1_ps(detail.spread[1]));
         for (place, look) in places[taken..taken + count].iter_mut().zip(&looks[count - 1..]) {
             let part = _mm256_set1_ps(look.part);
             let x = _mm256_add_ps(x, _mm256_mul_ps(spread_x, part));
             let y = _mm256_add_ps(y, _mm256_mul_ps(spread_y, part));
-            place.write(find(layout, look, look.origin[group.level as usize], x, y));
+            place.write(find(layout, look, &look.origin[level], x, y));
         }
         taken += count;
     }
     let mut rest = found(places, taken);
-    for (group, out) in groups.iter().zip(out) {
-        let log2 = looks_log2.max(group.looks_log2);
+    for (detail, out) in groups.details().iter().zip(out) {
+        let log2 = looks_log2.max(u32::from(detail.looks_log2));
         let (mine, others) = rest.split_at(1 << log2);
         rest = others;
         let mut sums = look_up(texels.texels, &mine[0]);
@@ -134,9 +145,15 @@ fn sample_often(
 /// Where the pixels of a group look, in the order of [`SLOTS`].
 #[target_feature(enable = "avx2")]
 #[inline]
-fn positions(group: &Group) -> (__m256, __m256) {
-    // SAFETY: `Group` is aligned to 32 bytes, its first two fields are eight floats each.
-    unsafe { (_mm256_load_ps(group.x.as_ptr()), _mm256_load_ps(group.y.as_ptr())) }
+fn positions(at: &Positions) -> (__m256, __m256) {
+    // SAFETY: `Positions` are aligned to 64 bytes, their two fields are eight floats each.
+    unsafe { (_mm256_load_ps(at.x.as_ptr()), _mm256_load_ps(at.y.as_ptr())) }
+}
+
+/// How many looks a group takes.
+#[inline]
+fn looks_of(detail: &Detail, looks_log2: u32) -> usize {
+    1 << looks_log2.max(u32::from(detail.looks_log2))
 }
 
 /// The first places, which have been written.
@@ -163,13 +180,13 @@ fn store(first: __m256i, last: __m256i, out: &mut Colours) {
 /// Finds where a look of eight pixels reads.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn find(layout: &LevelLayout, look: &Look, origin: [f32; 2], x: __m256, y: __m256) -> Place {
+fn find(layout: &LevelLayout, look: &Look, origin: &[f32; 2], x: __m256, y: __m256) -> Place {
     let low7 = _mm256_set1_epi32(127);
     let (cos, sin) = (_mm256_set1_ps(look.cos), _mm256_set1_ps(look.sin));
     let x_turned = _mm256_sub_ps(_mm256_mul_ps(cos, x), _mm256_mul_ps(sin, y));
     let y_turned = _mm256_add_ps(_mm256_mul_ps(sin, x), _mm256_mul_ps(cos, y));
-    let x = _mm256_add_ps(x_turned, _mm256_set1_ps(origin[0]));
-    let y = _mm256_add_ps(y_turned, _mm256_set1_ps(origin[1]));
+    let x = _mm256_add_ps(x_turned, _mm256_broadcast_ss(&origin[0]));
+    let y = _mm256_add_ps(y_turned, _mm256_broadcast_ss(&origin[1]));
     let x = _mm256_min_ps(
         _mm256_max_ps(x, _mm256_setzero_ps()),
         _mm256_set1_ps(layout.limit[0]),
@@ -179,7 +196,6 @@ fn find(layout: &LevelLayout, look: &Look, origin: [f32; 2], x: __m256, y: __m25
         _mm256_set1_ps(layout.limit[1]),
     );
     let (x, y) = (_mm256_cvttps_epi32(x), _mm256_cvttps_epi32(y));
-    let (fx, fy) = (_mm256_and_si256(x, low7), _mm256_and_si256(y, low7));
     let strips = _mm256_srli_epi32::<{ 7 + STRIP.ilog2() as i32 }>(x);
     let strips = _mm256_mullo_epi32(strips, _mm256_set1_epi32(layout.strip as i32));
     let column = _mm256_and_si256(_mm256_srli_epi32::<7>(x), _mm256_set1_epi32(STRIP as i32 - 1));
@@ -188,11 +204,14 @@ fn find(layout: &LevelLayout, look: &Look, origin: [f32; 2], x: __m256, y: __m25
     let down = _mm256_add_epi32(_mm256_slli_epi32::<4>(row), row);
     let at = _mm256_add_epi32(_mm256_add_epi32(strips, column), down);
     let at = _mm256_add_epi32(at, _mm256_set1_epi32(layout.base as i32));
-    // Bytes 127 - fx, fx, twice: 127 + 255·fx in both halves.
-    let weights_x = _mm256_sub_epi32(_mm256_slli_epi32::<8>(fx), fx);
-    let weights_x = _mm256_or_si256(weights_x, _mm256_slli_epi32::<16>(weights_x));
-    let weights_x = _mm256_add_epi32(weights_x, _mm256_set1_epi32(127 << 16 | 127));
+    // Bytes 127 - fx, fx, twice: of seven bits, 127 - fx is the complement.
+    let fx = _mm256_shuffle_epi8(x, both(&[0, 0, 0, 0, 4, 4, 4, 4, 8, 8, 8, 8, 12, 12, 12, 12]));
+    let weights_x = _mm256_xor_si256(
+        _mm256_and_si256(fx, _mm256_set1_epi8(127)),
+        _mm256_set1_epi16(127),
+    );
     // 128 - fy in the low half, fy in the high half: 128 + 65535·fy.
+    let fy = _mm256_and_si256(y, low7);
     let weights_y = _mm256_sub_epi32(_mm256_slli_epi32::<16>(fy), fy);
     let weights_y = _mm256_add_epi32(weights_y, _mm256_set1_epi32(128));
     let mut index = Indices([0; GROUP]);
@@ -300,40 +319,48 @@ unsafe fn shade_with<const GLOWS: bool, const NOISY: bool>(
     shading: &Shading<'_>,
     row: &mut [u8],
 ) {
-    let parts = [middles(0), middles(4)];
+    // Half 0 of the work is pixels 0 and 1 | 4 and 5, half 1 is 2 and 3 | 6 and 7: packed, they are in order.
+    let parts = [middles([0, 1, 4, 5]), middles([2, 3, 6, 7])];
     let alpha = both(&[6, 7, 6, 7, 6, 7, 6, 7, 14, 15, 14, 15, 14, 15, 14, 15]);
     let drop_alpha = both(&[0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14, -1, -1, -1, -1]);
-    let close_up = _mm256_setr_epi32(0, 1, 2, 4, 5, 6, 7, 7);
     let (dark, fall) = (
         _mm256_set1_epi16(shading.noise_dark),
         _mm256_set1_epi16(shading.noise_fall),
     );
-    let part = _mm_set1_epi16(shading.part);
-    let mut left = node(&shading.above[0], &shading.below[0], part);
+    let part = _mm256_set1_epi16(shading.part);
+    let mut nodes = shading.above.iter().zip(shading.below);
     let (white, half) = (_mm256_set1_epi16(4095), _mm256_set1_epi16(8));
-    for (g, colours) in colours.iter().enumerate() {
-        let right = node(&shading.above[g + 1], &shading.below[g + 1], part);
-        let step = _mm_sub_epi16(right, left);
-        let (gain, gain_step) = (_mm256_broadcastq_epi64(left), _mm256_broadcastq_epi64(step));
-        let (left_glow, step_glow) = (_mm_unpackhi_epi64(left, left), _mm_unpackhi_epi64(step, step));
-        let (glow, glow_step) = (
-            _mm256_broadcastq_epi64(left_glow),
-            _mm256_broadcastq_epi64(step_glow),
+    let noises = shading.noise.chunks_exact(4 * GROUP);
+    let Some(mut left) = nodes.next().map(|(above, below)| node(above, below, part)) else {
+        return;
+    };
+    for (g, ((colours, noise), (above, below))) in colours.iter().zip(noises).zip(nodes).enumerate() {
+        let right = node(above, below, part);
+        let step = _mm256_sub_epi16(right, left);
+        let (gain, glow) = (
+            _mm256_unpacklo_epi64(left, left),
+            _mm256_unpackhi_epi64(left, left),
+        );
+        let (gain_step, glow_step) = (
+            _mm256_unpacklo_epi64(step, step),
+            _mm256_unpackhi_epi64(step, step),
         );
         left = right;
-        let noise = &shading.noise[4 * GROUP * g..][..4 * GROUP];
         // SAFETY: 32 bytes.
         let noise = unsafe { _mm256_loadu_si256(noise.as_ptr().cast()) };
-        // Bytes in the upper halves of 16-bit lanes; the permutation makes the lower half of the result come first.
-        let noise = _mm256_permute4x64_epi64::<0b11_01_10_00>(noise);
+        // Bytes in the upper halves of 16-bit lanes.
         let noise = [
             _mm256_unpacklo_epi8(_mm256_setzero_si256(), noise),
             _mm256_unpackhi_epi8(_mm256_setzero_si256(), noise),
         ];
         let mut values = [_mm256_setzero_si256(); 2];
         for i in 0..2 {
-            // SAFETY: `Colours` is twice 16 integers of 16 bits.
-            let colour = unsafe { _mm256_loadu_si256(colours.as_ptr().add(16 * i).cast()) };
+            // SAFETY: `Colours` is four times 8 integers of 16 bits.
+            let colour = unsafe {
+                let low = _mm_loadu_si128(colours.as_ptr().add(8 * i).cast());
+                let high = _mm_loadu_si128(colours.as_ptr().add(8 * i + 16).cast());
+                _mm256_inserti128_si256::<1>(_mm256_castsi128_si256(low), high)
+            };
             let gain = _mm256_add_epi16(gain, _mm256_mulhrs_epi16(gain_step, parts[i]));
             let mut value = _mm256_mulhi_epu16(colour, gain);
             if GLOWS {
@@ -352,46 +379,44 @@ unsafe fn shade_with<const GLOWS: bool, const NOISY: bool>(
             }
             values[i] = _mm256_srai_epi16::<4>(_mm256_add_epi16(value, half));
         }
-        // Packing works within halves: pixels 0 1 4 5 | 2 3 6 7, put right by the permutation.
-        let bytes = _mm256_packus_epi16(values[0], values[1]);
-        let bytes = _mm256_permute4x64_epi64::<0b11_01_10_00>(bytes);
-        let bytes = _mm256_permutevar8x32_epi32(_mm256_shuffle_epi8(bytes, drop_alpha), close_up);
-        let (low, high) = (
-            _mm256_castsi256_si128(bytes),
-            _mm256_extracti128_si256::<1>(bytes),
-        );
+        let bytes = _mm256_shuffle_epi8(_mm256_packus_epi16(values[0], values[1]), drop_alpha);
+        // Twelve bytes in each half, and four that the next store writes over.
         let from = 3 * GROUP * g;
-        if from + 3 * GROUP <= row.len() {
-            // SAFETY: 16 + 8 bytes into 24.
+        let write = |to: &mut [u8]| {
+            debug_assert!(to.len() >= 28);
+            // SAFETY: 16 bytes at 0 and at 12 into 28 or more, which the callers checked.
             unsafe {
-                _mm_storeu_si128(row.as_mut_ptr().add(from).cast(), low);
-                _mm_storel_epi64(row.as_mut_ptr().add(from + 16).cast(), high);
+                _mm_storeu_si128(to.as_mut_ptr().cast(), _mm256_castsi256_si128(bytes));
+                _mm_storeu_si128(
+                    to.as_mut_ptr().add(12).cast(),
+                    _mm256_extracti128_si256::<1>(bytes),
+                );
             }
-        } else {
-            let mut whole = [0u8; 32];
-            // SAFETY: 32 bytes into 32.
-            unsafe { _mm256_storeu_si256(whole.as_mut_ptr().cast(), bytes) };
-            let rest = &mut row[from..];
-            rest.copy_from_slice(&whole[..rest.len()]);
+        };
+        match row.get_mut(from..from + 28) {
+            Some(to) => write(to),
+            None => {
+                let mut whole = [0u8; 28];
+                write(&mut whole);
+                let rest = &mut row[from..];
+                let count = rest.len().min(3 * GROUP);
+                rest[..count].copy_from_slice(&whole[..count]);
+            }
         }
     }
 }
 
-/// Where four neighbouring pixels lie in their group, in all four channels.
+/// Where four pixels lie in their group, in all four channels.
 #[target_feature(enable = "avx2")]
-fn middles(first: usize) -> __m256i {
-    let (a, b, c, d) = (
-        middle(first),
-        middle(first + 1),
-        middle(first + 2),
-        middle(first + 3),
-    );
+fn middles(pixels: [usize; 4]) -> __m256i {
+    let [a, b, c, d] = pixels.map(middle);
     _mm256_setr_epi16(a, a, a, a, b, b, b, b, c, c, c, c, d, d, d, d)
 }
 
-/// The light between a node above and one below the row.
+/// The light between a node above and one below the row, in both halves.
 #[target_feature(enable = "avx2")]
-fn node(above: &LightNode, below: &LightNode, part: __m128i) -> __m128i {
+#[inline]
+fn node(above: &LightNode, below: &LightNode, part: __m256i) -> __m256i {
     // SAFETY: eight integers of 16 bits each.
     let (above, below) = unsafe {
         (
@@ -399,7 +424,11 @@ fn node(above: &LightNode, below: &LightNode, part: __m128i) -> __m128i {
             _mm_loadu_si128(below.as_ptr().cast()),
         )
     };
-    _mm_add_epi16(above, _mm_mulhrs_epi16(_mm_sub_epi16(below, above), part))
+    let (above, below) = (
+        _mm256_broadcastsi128_si256(above),
+        _mm256_broadcastsi128_si256(below),
+    );
+    _mm256_add_epi16(above, _mm256_mulhrs_epi16(_mm256_sub_epi16(below, above), part))
 }
 
 /// # Safety

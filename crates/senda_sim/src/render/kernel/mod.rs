@@ -4,10 +4,13 @@
 //! leaves 16-bit colours; [`Kernel::shade`] applies exposure, vignetting, reflections and noise and writes bytes.
 //! Positions are `f32` with plain `+ - *` (exact and equal everywhere), everything after them is integers.
 
+mod groups;
 mod portable;
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+
+pub(super) use groups::{Detail, Group, GroupRun, Groups, Positions};
 
 /// Pixels handled together. The level of detail and the light are uniform or linear within such a group.
 pub(super) const GROUP: usize = 8;
@@ -27,25 +30,8 @@ pub(super) const GAIN_ONE: f64 = 16.0 * 65536.0 / 127.0;
 /// Weight of one grey level of reflected light at full gloss.
 pub(super) const GLOW_ONE: f64 = 16.0 * 65536.0 / (127.0 * 255.0);
 
-/// Which pixel of its group stands where in [`Group`]: so ordered, vectors of two halves come out in the picture's order.
+/// Which pixel of its group stands where in [`Positions`]: so ordered, vectors of two halves come out in the picture's order.
 pub(super) const SLOTS: [usize; GROUP] = [0, 1, 4, 5, 2, 3, 6, 7];
-
-/// Where eight neighbouring pixels look on a plane, in texels of their level times [`STEPS_PER_TEXEL`], in the order
-/// of [`SLOTS`].
-#[derive(Debug, Clone, Copy)]
-#[repr(C, align(32))]
-pub(super) struct Group {
-    /// Along the vehicle's x axis.
-    pub(super) x: [f32; GROUP],
-    /// Along the vehicle's y axis.
-    pub(super) y: [f32; GROUP],
-    /// The longer axis of a pixel's footprint, over which several looks are spread.
-    pub(super) spread: [f32; 2],
-    /// Level of detail.
-    pub(super) level: u32,
-    /// Logarithm (base 2) of the looks that the footprint needs.
-    pub(super) looks_log2: u32,
-}
 
 /// A texel and, in the upper half, the one below it: the four of a bilinear look are two neighbours, 16 bytes.
 pub(super) type Texel = u64;
@@ -192,7 +178,7 @@ impl Kernel {
         texels: Texels<'_>,
         looks: &Looks,
         looks_log2: u32,
-        groups: &[Group],
+        groups: GroupRun<'_>,
         out: &mut [Colours],
     ) {
         assert!(groups.len() <= out.len());

@@ -1,24 +1,24 @@
 //! The pixel loops in plain Rust. What the AVX2 version must equal.
 
 use super::{
-    Colours, GROUP, Group, LevelLayout, LightNode, Look, Looks, SLOTS, Shading, Surface, Texels, middle,
-    rounded_product,
+    Colours, Detail, GROUP, GroupRun, LevelLayout, LightNode, Look, Looks, Positions, SLOTS, Shading,
+    Surface, Texels, middle, rounded_product,
 };
 
 pub(super) fn sample(
     texels: Texels<'_>,
     looks: &Looks,
     looks_log2: u32,
-    groups: &[Group],
+    groups: GroupRun<'_>,
     out: &mut [Colours],
 ) {
-    for (group, out) in groups.iter().zip(out) {
-        let log2 = looks_log2.max(group.looks_log2);
+    for ((at, detail), out) in groups.iter().zip(out) {
+        let log2 = looks_log2.max(u32::from(detail.looks_log2));
         let count = 1usize << log2;
-        let layout = &texels.layouts[group.level as usize];
+        let layout = &texels.layouts[usize::from(detail.level)];
         let mut sums = [0i32; 4 * GROUP];
         for look in &looks[count - 1..2 * count - 1] {
-            let (x, y) = positions(group, look, layout);
+            let (x, y) = positions(at, detail, look, layout);
             for (k, pixel) in SLOTS.into_iter().enumerate() {
                 let (fx, fy) = (x[k] & 127, y[k] & 127);
                 let at = layout.index(x[k] >> 7, y[k] >> 7);
@@ -41,12 +41,17 @@ pub(super) fn sample(
 
 /// Texture coordinates of a group, 7 bits below the point, kept inside the level.
 #[inline(always)]
-fn positions(group: &Group, look: &Look, layout: &LevelLayout) -> ([u32; GROUP], [u32; GROUP]) {
-    let [x0, y0] = look.origin[group.level as usize];
-    let (along_x, along_y) = (group.spread[0] * look.part, group.spread[1] * look.part);
+fn positions(
+    at: &Positions,
+    detail: &Detail,
+    look: &Look,
+    layout: &LevelLayout,
+) -> ([u32; GROUP], [u32; GROUP]) {
+    let [x0, y0] = look.origin[usize::from(detail.level)];
+    let (along_x, along_y) = (detail.spread[0] * look.part, detail.spread[1] * look.part);
     let (mut xs, mut ys) = ([0; GROUP], [0; GROUP]);
     for k in 0..GROUP {
-        let (x, y) = (group.x[k] + along_x, group.y[k] + along_y);
+        let (x, y) = (at.x[k] + along_x, at.y[k] + along_y);
         xs[k] = inside(look.cos * x - look.sin * y + x0, layout.limit[0]);
         ys[k] = inside(look.sin * x + look.cos * y + y0, layout.limit[1]);
     }
