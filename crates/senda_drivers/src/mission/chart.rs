@@ -147,6 +147,8 @@ pub enum When {
     FacingGoalsStreet,
     /// It faces the street and the sign names another depot.
     FacingOthersStreet,
+    /// The light that is waited for has not been seen for some time.
+    NoLightThere,
     /// A junction is close ahead.
     JunctionAhead,
     /// The line beyond the junction is under the vehicle.
@@ -178,6 +180,7 @@ impl When {
             Self::TurnedGreen => "turned green",
             Self::FacingGoalsStreet => "faces the street, sign is the goal",
             Self::FacingOthersStreet => "faces the street, sign is another",
+            Self::NoLightThere => "no light to be seen",
             Self::JunctionAhead => "junction ahead",
             Self::LineBelow => "line below again",
             Self::StartsCode => "code of the start",
@@ -234,6 +237,7 @@ pub const CHART: &[Transition] = &[
     go(Step::Search,        When::TimeOver,            Step::Failed),
     go(Step::WaitGreen,     When::TurnedGreen,         Step::FaceStreet),
     go(Step::WaitGreen,     When::TimeOver,            Step::Failed),
+    go(Step::WaitGreen,     When::NoLightThere,        Step::Search),
     go(Step::FaceStreet,    When::FacingGoalsStreet,   Step::TakeStreet),
     go(Step::FaceStreet,    When::FacingOthersStreet,  Step::ToJunction),
     go(Step::FaceStreet,    When::TimeOver,            Step::Failed),

@@ -24,6 +24,7 @@ impl MissionDriver {
             When::TurnedGreen => self
                 .light
                 .turned_green(self.clock.now, self.options.green_patience_s),
+            When::NoLightThere => self.light.unseen_s(self.clock.now) > self.options.light_there_s,
             When::FacingGoalsStreet => self.faces_street() && self.signs.digit() == self.goal,
             When::FacingOthersStreet => self.faces_street() && self.signs.digit() != self.goal,
             When::JunctionAhead => counts.junction >= 2,
@@ -64,7 +65,7 @@ impl MissionDriver {
             Step::StopAtArea | Step::StopAtDepot | Step::StopAtStart => self.in_step_s() > 14.0,
             // Twice all around.
             Step::Search => self.counts.leg >= 2 * look::LEGS,
-            Step::WaitGreen => self.in_step_s() > options.light_limit_s,
+            Step::WaitGreen => self.light.waited_s(self.clock.now) > options.light_limit_s,
             Step::FaceStreet => self.in_step_s() > 8.0,
             Step::Unload => self.in_step_s() > options.unload_s,
             Step::FindLine => self.counts.leg >= look::LEGS,

@@ -66,14 +66,28 @@ pub(super) struct LightSeen {
     red_run: u32,
     last_red: Option<Stamp>,
     green_since: Option<Stamp>,
+    /// Since when it has been waited for at this area, over all of its searches.
+    waiting_since: Option<Stamp>,
+    last_seen: Stamp,
+    /// Where something was taken for a light that was not there when it was waited for.
+    refuted_rad: Option<f64>,
 }
 
 /// A light that was red not longer ago than this has just turned green (s): a detection every fifth frame, two in a row.
 const FRESH_S: f64 = 1.2;
 
+/// So near to where no light was there is none (rad).
+const REFUTED_RAD: f64 = 0.15;
+
 impl LightSeen {
     /// Takes a detection at a bearing (rad, left positive, from where the street leads).
     pub(super) fn take(&mut self, detection: &Detection, bearing_rad: f64, now: Stamp) {
+        if self
+            .refuted_rad
+            .is_some_and(|refuted_rad| (bearing_rad - refuted_rad).abs() < REFUTED_RAD)
+        {
+            return;
+        }
         match detection.class {
             ObjectClass::RedLight => {
                 (self.red_run, self.green_run) = (self.red_run + 1, 0);
@@ -86,6 +100,7 @@ impl LightSeen {
             ObjectClass::Sign(_) => return,
         }
         self.sightings += 1;
+        self.last_seen = now;
         self.bearing_rad = bearing_rad;
     }
 
@@ -94,8 +109,28 @@ impl LightSeen {
         self.sightings >= 2
     }
 
-    pub(super) fn begin_waiting(&mut self, _now: Stamp) {
+    pub(super) fn begin_waiting(&mut self, now: Stamp) {
         self.green_run = 0;
+        self.waiting_since.get_or_insert(now);
+    }
+
+    /// How long it has been waited for at this area (s).
+    pub(super) fn waited_s(&self, now: Stamp) -> f64 {
+        self.waiting_since.map_or(0.0, |since| now.since_s(since))
+    }
+
+    /// How long it has not been seen, red or green (s).
+    pub(super) fn unseen_s(&self, now: Stamp) -> f64 {
+        now.since_s(self.last_seen)
+    }
+
+    /// It was none: what is to be known of it before the next search.
+    pub(super) fn refuted(&self) -> Self {
+        Self {
+            waiting_since: self.waiting_since,
+            refuted_rad: Some(self.bearing_rad),
+            ..Self::default()
+        }
     }
 
     /// Green in two detections in a row, and red a moment before: time enough is left. Or green for so long that it may be
@@ -160,6 +195,28 @@ mod tests {
         assert_eq!(signs.digit(), None, "a sign that contradicts");
         signs.take(&seen(ObjectClass::Sign(1)));
         assert_eq!(signs.digit(), Some(1));
+    }
+
+    #[test]
+    fn what_was_no_light_is_not_taken_for_one_again() {
+        let at = Stamp::from_s;
+        let mut light = LightSeen::default();
+        let green = seen(ObjectClass::GreenLight);
+        light.take(&green, 0.3, at(0.0));
+        light.take(&green, 0.3, at(0.2));
+        light.begin_waiting(at(1.0));
+        assert!(light.known() && light.unseen_s(at(21.2)) > 20.9);
+        let mut light = light.refuted();
+        light.take(&green, 0.35, at(21.0));
+        light.take(&green, 0.35, at(21.2));
+        assert!(!light.known());
+        light.take(&green, -0.4, at(22.0));
+        light.take(&green, -0.4, at(22.2));
+        assert!(light.known(), "another one");
+        light.begin_waiting(at(23.0));
+        light.take(&green, -0.4, at(24.0));
+        assert!(light.unseen_s(at(25.0)) < 1.1);
+        assert!(light.waited_s(at(31.0)) > 29.9, "over both searches");
     }
 
     #[test]

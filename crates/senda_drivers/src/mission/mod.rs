@@ -248,7 +248,9 @@ impl MissionDriver {
         {
             self.beyond = Remembered::of(&junction.beyond);
         }
-        if to == Step::Search {
+        if when == When::NoLightThere {
+            self.light = self.light.refuted();
+        } else if to == Step::Search {
             (self.signs, self.light) = (Signs::default(), LightSeen::default());
             self.way.turned_rad = self.view.crossing.map_or(0.0, |crossing| -crossing.angle_rad);
         }

@@ -37,6 +37,8 @@ pub struct MissionOptions {
     pub package_limit_s: f64,
     /// Longest wait for green (s).
     pub light_limit_s: f64,
+    /// A light that is waited for and not seen for so long is none (s): longer than red and green of any light together.
+    pub light_there_s: f64,
     /// Longest way without the crossing, junction or code that is looked for (m).
     pub way_limit_m: f64,
     /// Voltage below which the mission is given up (V, D13); 0: never.
@@ -69,6 +71,7 @@ impl Default for MissionOptions {
             green_patience_s: 25.0,
             package_limit_s: 60.0,
             light_limit_s: 60.0,
+            light_there_s: 20.0,
             way_limit_m: 8.0,
             empty_v: 13.2,
             colours: ColourLimits::default(),
@@ -102,6 +105,7 @@ impl MissionOptions {
         check("green_patience_s", self.green_patience_s, 0.0, 1e4)?;
         check("package_limit_s", self.package_limit_s, 0.0, 1e5)?;
         check("light_limit_s", self.light_limit_s, 0.0, 1e5)?;
+        check("light_there_s", self.light_there_s, 0.0, 1e5)?;
         check("way_limit_m", self.way_limit_m, 0.5, 1e4)?;
         check("empty_v", self.empty_v, 0.0, 1e3)?;
         check("sure", self.sure, 0.0, 1.0)

@@ -143,10 +143,30 @@ fn a_light_that_never_turns_ends_the_mission() {
         ..MissionOptions::default()
     });
     driver.step = Step::WaitGreen;
+    driver.light.begin_waiting(Stamp::default());
     let events = until_done(&mut driver, None, 20.0);
     assert_eq!(
         events,
         ["wait_green -> failed: time over; the light did not turn green"]
+    );
+}
+
+/// Grey frames show no light: it is searched for again, and the mission does not wait for it for ever.
+#[test]
+fn a_light_that_is_not_there_is_searched_for_again() {
+    let mut driver = driver(MissionOptions {
+        light_there_s: 2.0,
+        ..MissionOptions::default()
+    });
+    driver.step = Step::WaitGreen;
+    driver.light.begin_waiting(Stamp::default());
+    let events = until_done(&mut driver, None, 60.0);
+    assert_eq!(
+        events,
+        [
+            "wait_green -> search: no light to be seen",
+            "search -> failed: time over; no sign was found before the junction"
+        ]
     );
 }
 
