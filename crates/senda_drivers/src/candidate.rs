@@ -30,7 +30,16 @@ impl Look {
     pub(crate) fn is_like(self, piece: &LineBlob) -> bool {
         (0.5..2.5).contains(&(piece.residue_mean / self.strength))
     }
+
+    /// Whether a whole line may be the one that was followed.
+    pub(crate) fn stands_out(self, blob: &LineBlob) -> bool {
+        blob.residue_mean > FAINT_PART * self.strength
+    }
 }
+
+/// Noise and grain stand out less than this part of the line that was followed. Measured: from frame to frame a line
+/// keeps 0.7 of its strength or more, in shadows too.
+const FAINT_PART: f64 = 0.4;
 
 /// A blob that may be a line, with its places on the floor.
 #[derive(Debug, Clone, Default)]

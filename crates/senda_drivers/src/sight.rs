@@ -5,7 +5,8 @@ use crate::options::{DriverError, check};
 use senda_core::{Body, Explanation, Frame, Observation, Stamp};
 use senda_geom::{Camera, Vec2};
 use senda_vision::{
-    Contrast, ExtractorOptions, FloorMap, LineBlob, LineExtractor, LineJoiner, Statistics, WidthProfile,
+    Contrast, ExtractorOptions, FloorMap, JoinLimits, LineBlob, LineExtractor, LineJoiner, Statistics,
+    WidthProfile,
 };
 use serde::{Deserialize, Serialize};
 
@@ -78,6 +79,8 @@ pub(crate) struct Sight {
     /// The contrast voted for has shown nothing: this one is tried.
     tried: Option<Contrast>,
     tries: u32,
+    /// Dashes have been seen that make up a line: from now on they are joined in every frame.
+    dashed: bool,
     statistics: Statistics,
 }
 
@@ -100,6 +103,14 @@ const BREADTH_OF_PIECE: f64 = 1.4;
 const LOOK_LEARNED: f64 = 0.1;
 /// Both contrasts.
 const TRIES_BEFORE_DASHES: u32 = 2;
+/// Both contrasts, twice.
+const TRIES_BEFORE_ONE_DASH: u32 = 4;
+/// A single dash is at least this long (m) ...
+const SINGLE_DASH_M: f64 = 0.04;
+/// ... and stands out by so many times what noise may.
+const SINGLE_DASH_STRENGTH: f64 = 4.0;
+/// So many pieces that make up a line are dashes; two may be a line with a reflection across it.
+const DASHES: usize = 3;
 /// So many pieces of lines are looked at, those with the largest scores.
 const PIECES_LIMIT: usize = 16;
 /// With less than this part of its rows whole a blob is cut by the picture's side.
@@ -144,6 +155,7 @@ impl Sight {
             whole: 0,
             tried: None,
             tries: 0,
+            dashed: false,
             statistics: Statistics::default(),
         })
     }
@@ -217,7 +229,34 @@ impl Sight {
             });
         }
         let contrast = self.contrast.unwrap_or(Contrast::Dark);
-        for blob in eye.extractor.extract(&frame.image, contrast) {
+        let count = eye.extractor.extract(&frame.image, contrast).len();
+        self.statistics = eye.extractor.statistics();
+        // To begin with dashes, each of which is too small to be a line. Specks make chains too: only when neither contrast
+        // shows anything better.
+        let begins = count == 0 && !self.settled && self.tries >= TRIES_BEFORE_DASHES;
+        let lines = if begins || self.dashed || (self.settled && count >= DASHES) {
+            let fragments: &[LineBlob] = if begins || self.dashed {
+                eye.extractor.fragments();
+                eye.extractor.found_fragments()
+            } else {
+                &[]
+            };
+            eye.joiner.set_limits(JoinLimits {
+                pieces: if begins || self.dashed { 2 } else { DASHES },
+                ..JoinLimits::default()
+            });
+            let limits = &self.options.extractor.limits;
+            let blobs = eye.extractor.blobs();
+            let lines = eye.joiner.join(blobs, fragments, &eye.map, limits);
+            self.dashed |= lines.len() < blobs.len() || (begins && !lines.is_empty());
+            lines
+        } else {
+            eye.extractor.blobs()
+        };
+        for blob in lines {
+            if self.known.is_some_and(|look| !look.stands_out(blob)) {
+                continue;
+            }
             let rows = match self.known {
                 _ if blob.whole_part() < CUT_PART => Rows::Cut,
                 Some(look) => Rows::AsBroadAs(look.breadth, BREADTH_OF_WHOLE),
@@ -226,26 +265,36 @@ impl Sight {
             let candidate = next(&mut self.candidates, &mut self.count);
             describe(blob, &eye.map, &eye.profile, &self.options, rows, candidate);
         }
-        self.statistics = eye.extractor.statistics();
-        if self.count == 0 && !self.settled && self.tries >= TRIES_BEFORE_DASHES {
-            // To begin with dashes, each of which is too small to be a line. Specks make chains too: only when neither
-            // contrast shows anything better.
-            eye.extractor.fragments();
-            let limits = &self.options.extractor.limits;
-            let (blobs, fragments) = (eye.extractor.blobs(), eye.extractor.found_fragments());
-            for blob in eye.joiner.join(blobs, fragments, &eye.map, limits) {
-                let candidate = next(&mut self.candidates, &mut self.count);
-                describe(
-                    blob,
-                    &eye.map,
-                    &eye.profile,
-                    &self.options,
-                    Rows::Whole,
-                    candidate,
-                );
-            }
+        if begins && self.count == 0 && self.tries >= TRIES_BEFORE_ONE_DASH {
+            self.take_single_dashes();
         }
         self.whole = self.count;
+    }
+
+    /// To begin where a short view shows one dash and a gap: dashes that stand out far more than specks do.
+    fn take_single_dashes(&mut self) {
+        let Some(eye) = &mut self.eye else { return };
+        let least = SINGLE_DASH_STRENGTH * self.options.extractor.limits.strength;
+        for blob in eye.extractor.found_fragments() {
+            if blob.residue_mean < least {
+                continue;
+            }
+            let candidate = next(&mut self.candidates, &mut self.count);
+            describe(
+                blob,
+                &eye.map,
+                &eye.profile,
+                &self.options,
+                Rows::Whole,
+                candidate,
+            );
+            let ends = (candidate.points.first(), candidate.points.last());
+            let (Some(near), Some(far)) = ends else { continue };
+            if (far.at - near.at).length() < SINGLE_DASH_M {
+                self.count -= 1;
+            }
+        }
+        self.dashed |= self.count > 0;
     }
 
     /// The candidate of this index is the line, or one of its lines: pieces must look like it from now on.

@@ -76,6 +76,65 @@ fn every_ready_world_of_document_c_is_driven_without_a_loss() {
     }
 }
 
+/// A ready world with its markings changed.
+fn changed(world: &str, from: &str, to: &str) -> std::path::PathBuf {
+    let ready = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../worlds/{world}.toml"));
+    let text = std::fs::read_to_string(ready).unwrap();
+    assert!(text.contains(from), "{world} has no {from:?}");
+    let path = std::env::temp_dir().join(format!("senda-{}-{world}-{}.toml", std::process::id(), to.len()));
+    std::fs::write(&path, text.replace(from, to)).unwrap();
+    path
+}
+
+/// C17: dashes are one line, also where the camera sees no more than one of them at a time.
+#[test]
+fn dashed_lines_and_lanes_are_driven() {
+    let dashes = |dash_m: f64, gap_m: f64| {
+        format!("[[markings]]\ndash = {{ length_m = {dash_m}, gap_m = {gap_m} }}")
+    };
+    for (world, driver) in [("oval", "line"), ("oval-lane", "lane")] {
+        for (dash_m, gap_m) in [(0.1, 0.05), (0.1, 0.1), (0.15, 0.15)] {
+            let path = changed(world, "[[markings]]", &dashes(dash_m, gap_m));
+            let scenario = Scenario::new(path.to_str().unwrap(), "gopigo", driver);
+            let summary = drive::in_memory(&scenario, &mut Ears::deaf()).unwrap().summary;
+            std::fs::remove_file(path).unwrap();
+            assert!(
+                summary.completed && summary.lane_error_mean_m.unwrap() < 0.01,
+                "{world} {dash_m} {gap_m}: {summary:?}"
+            );
+        }
+    }
+    for reverse in [false, true] {
+        let mut scenario = Scenario::new("unseen-4", "picar", "lane");
+        scenario.reverse = reverse;
+        let summary = drive::in_memory(&scenario, &mut Ears::deaf()).unwrap().summary;
+        assert!(summary.completed && summary.departures == 0, "{summary:?}");
+    }
+}
+
+/// C12: where there is no line, noise is none, and where a line ends, the vehicle stops 35 cm further on.
+#[test]
+fn without_a_line_it_stops() {
+    for (world, driver) in [("straight", "line"), ("straight-lane", "lane")] {
+        let mut scenario = Scenario::new(world, "gopigo", driver);
+        scenario.start.offset_m = 20.0;
+        scenario.time_limit_s = Some(30.0);
+        let summary = drive::in_memory(&scenario, &mut Ears::deaf()).unwrap().summary;
+        assert_eq!(summary.distance_m, 0.0, "{driver}: {summary:?}");
+        for floor in ["plain", "speckled"] {
+            let path = changed(world, "[[markings]]", "[[markings]]\nto_m = 1.5");
+            let mut scenario = Scenario::new(path.to_str().unwrap(), "gopigo", driver);
+            scenario.floor = Some(floor.to_owned());
+            let summary = drive::in_memory(&scenario, &mut Ears::deaf()).unwrap().summary;
+            std::fs::remove_file(path).unwrap();
+            assert!(
+                (1.0..1.9).contains(&summary.distance_m),
+                "{driver} on {floor}: {summary:?}"
+            );
+        }
+    }
+}
+
 #[test]
 fn the_digest_of_a_run_is_pinned() {
     // Regenerate by running this test and copying what it prints; it must hold on x86-64 and aarch64.

@@ -19,7 +19,7 @@ pub struct RowPoint {
 }
 
 /// A component that may be a line. Coordinates in pixels of the image, u right, v down, pixel centres at +0.5.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, PartialEq, Default)]
 pub struct LineBlob {
     /// Number of pixels.
     pub area_px: f64,
@@ -43,6 +43,22 @@ pub struct LineBlob {
     pub residue_mean: f64,
     /// Middle points from top to bottom; several in a row where the blob bends back.
     pub rows: Vec<RowPoint>,
+}
+
+impl Clone for LineBlob {
+    fn clone(&self) -> Self {
+        Self {
+            rows: self.rows.clone(),
+            ..*self
+        }
+    }
+
+    /// Keeps the memory of the rows, which a derived one would not.
+    fn clone_from(&mut self, source: &Self) {
+        let mut rows = std::mem::take(&mut self.rows);
+        rows.clone_from(&source.rows);
+        *self = Self { rows, ..*source };
+    }
 }
 
 impl LineBlob {
@@ -131,6 +147,8 @@ pub enum Rejection {
     Compact,
     /// Its width scatters too much for a painted line: a cluster of speckles.
     Uneven,
+    /// Stands out no more than noise does.
+    Faint,
 }
 
 /// How an image's size relates to the 320x240 that the limits are given for (C6 in SPEC).
@@ -170,14 +188,17 @@ impl Scale {
         mean_width(blob, profile).is_some_and(|width| (0.75..4.0).contains(&width))
     }
 
-    /// Whether a blob's rows have the even width of a painted line; `profile` is for the image in use. Blobs with few
-    /// whole rows pass: they say too little.
-    pub fn check_widths(
+    /// Whether a blob stands out and its rows have the even width of a painted line; `profile` is for the image in use.
+    /// Widths of blobs with few whole rows pass: they say too little.
+    pub fn check_paint(
         &self,
         blob: &LineBlob,
         profile: &WidthProfile,
         limits: &BlobLimits,
     ) -> Result<(), Rejection> {
+        if blob.residue_mean <= limits.strength {
+            return Err(Rejection::Faint);
+        }
         let (mut n, mut sum, mut squares) = (0.0, 0.0, 0.0);
         for row in blob.rows.iter().filter(|row| !row.at_edge) {
             let part = row.width_px / profile.at(row.v).max(1.0);
@@ -397,9 +418,10 @@ mod tests {
                 .collect();
             let blob = LineBlob {
                 rows,
+                residue_mean: 20.0,
                 ..LineBlob::default()
             };
-            scale.check_widths(&blob, &profile, &limits)
+            scale.check_paint(&blob, &profile, &limits)
         };
         assert_eq!(with_widths(&|_| 22.0, false), Ok(()));
         assert_eq!(with_widths(&|_| 60.0, false), Ok(()));

@@ -259,11 +259,14 @@ impl LineExtractor {
             }
         });
         fragments.retain(|blob| {
+            if blob.residue_mean <= limits.strength {
+                return false;
+            }
             if !all {
                 return scale.is_fragment(blob, profile);
             }
             let accepted =
-                scale.check(blob, limits).is_ok() && scale.check_widths(blob, profile, limits).is_ok();
+                scale.check(blob, limits).is_ok() && scale.check_paint(blob, profile, limits).is_ok();
             !accepted && (scale.is_piece(blob, profile) || blob.whole_part() < CUT_PART)
         });
         fragments.sort();
@@ -385,7 +388,7 @@ impl LineExtractor {
             result.map_err(|rejection| rejected.push(rejection)).is_ok()
         });
         pool.retain(|blob| {
-            let result = scale.check_widths(blob, profile, limits);
+            let result = scale.check_paint(blob, profile, limits);
             result.map_err(|rejection| rejected.push(rejection)).is_ok()
         });
         pool.sort();

@@ -11,6 +11,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JoinLimits {
+    /// A joined line has at least so many pieces. Three are dashes; two may be one line with a reflection across it.
+    pub pieces: usize,
     /// Longest gap between two pieces (m).
     pub gap_m: f64,
     /// Largest difference of their directions (rad).
@@ -29,7 +31,8 @@ impl Default for JoinLimits {
     /// Guesses for roads of a few decimetres: gaps as long as a vehicle, arcs of 15 cm radius.
     fn default() -> Self {
         Self {
-            gap_m: 0.12,
+            pieces: 2,
+            gap_m: 0.2,
             turn_rad: 40f64.to_radians(),
             aside_part: 0.4,
             rms_m: 0.0015,
@@ -82,6 +85,11 @@ impl LineJoiner {
         }
     }
 
+    /// Other limits from now on.
+    pub fn set_limits(&mut self, limits: JoinLimits) {
+        self.limits = limits;
+    }
+
     /// The lines of a frame: `blobs` that nothing continues, as they are, and joined ones in place of the rest, largest
     /// score first. `fragments` ([`crate::LineExtractor::fragments`]) appear only as parts of joined lines, which pass
     /// the limits of C5 as a whole. Moments, box and rows are those of all parts together.
@@ -105,23 +113,12 @@ impl LineJoiner {
                 continue;
             }
             self.follow(first);
-            let indices = self.chain.iter().map(|piece| self.pieces[*piece].index);
-            if self.chain.len() > 1 {
-                let line = self.fitter.arc(indices.clone().map(part), map);
-                let blob = self.joined.push();
-                merge(blob, indices.map(part), &scale);
-                let smooth = line.is_some_and(|line| {
-                    line.rms_m <= self.limits.rms_m
-                        && line.end_m - line.start_m >= self.limits.length_m
-                        && line.curvature_per_m.abs() <= self.limits.curvature_per_m
-                });
-                if smooth && scale.check(blob, limits).is_ok() {
-                    for piece in &self.chain {
-                        self.pieces[*piece].used = true;
-                    }
-                    continue;
-                }
-                self.joined.pop();
+            // The longest beginning of the chain that is one smooth line: beyond it the road may bend.
+            let joined = (self.limits.pieces.max(2)..=self.chain.len())
+                .rev()
+                .any(|count| self.join_first(count, part, map, (&scale, limits)));
+            if joined {
+                continue;
             }
             // Nothing to join: the piece stands alone, and what it could not take is free for others.
             self.pieces[first].used = true;
@@ -138,6 +135,37 @@ impl LineJoiner {
         }
         self.joined.sort();
         self.joined.blobs()
+    }
+
+    /// Makes a line of the chain's first pieces, if they are one.
+    fn join_first<'a>(
+        &mut self,
+        count: usize,
+        part: impl Fn(usize) -> &'a LineBlob,
+        map: &FloorMap,
+        (scale, limits): (&Scale, &BlobLimits),
+    ) -> bool {
+        let chain = &self.chain[..count];
+        let parts = chain.iter().map(|piece| part(self.pieces[*piece].index));
+        let line = self.fitter.arc(parts.clone(), map);
+        let smooth = line.is_some_and(|line| {
+            line.rms_m <= self.limits.rms_m
+                && line.end_m - line.start_m >= self.limits.length_m
+                && line.curvature_per_m.abs() <= self.limits.curvature_per_m
+        });
+        if !smooth {
+            return false;
+        }
+        let blob = self.joined.push();
+        merge(blob, parts, scale);
+        if scale.check(blob, limits).is_err() {
+            self.joined.pop();
+            return false;
+        }
+        for piece in chain {
+            self.pieces[*piece].used = true;
+        }
+        true
     }
 
     fn find_pieces<'a>(&mut self, parts: impl Iterator<Item = &'a LineBlob>, map: &FloorMap) {

@@ -62,6 +62,9 @@ pub struct BlobLimits {
     /// width if that is larger (0.3, measured: speckles 0.30 to 0.51, lines below 0.2 and worn hard curves up to 0.35,
     /// which are wider). Infinite switches it off.
     pub width_scatter: f64,
+    /// Not in the document: mean residue above this (5 grey levels, measured: noise of a floor without a line up to 3.8,
+    /// lines 15 and more). The threshold alone is relative: where there is no line it finds shapes in the noise.
+    pub strength: f64,
 }
 
 impl Default for BlobLimits {
@@ -76,6 +79,7 @@ impl Default for BlobLimits {
             orientation_rad: 72f64.to_radians(),
             compact: vec![[0.6, 3.8, 50_000.0], [0.4, 4.0, 35_000.0], [0.3, 5.0, 27_500.0]],
             width_scatter: 0.3,
+            strength: 5.0,
         }
     }
 }
