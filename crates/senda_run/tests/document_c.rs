@@ -89,9 +89,8 @@ fn changed(world: &str, from: &str, to: &str) -> std::path::PathBuf {
 /// C17: dashes are one line, also where the camera sees no more than one of them at a time.
 #[test]
 fn dashed_lines_and_lanes_are_driven() {
-    let dashes = |dash_m: f64, gap_m: f64| {
-        format!("[[markings]]\ndash = {{ length_m = {dash_m}, gap_m = {gap_m} }}")
-    };
+    let dashes =
+        |dash_m: f64, gap_m: f64| format!("[[markings]]\ndash = {{ length_m = {dash_m}, gap_m = {gap_m} }}");
     for (world, driver) in [("oval", "line"), ("oval-lane", "lane")] {
         for (dash_m, gap_m) in [(0.1, 0.05), (0.1, 0.1), (0.15, 0.15)] {
             let path = changed(world, "[[markings]]", &dashes(dash_m, gap_m));

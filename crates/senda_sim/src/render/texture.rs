@@ -2,6 +2,7 @@
 
 use super::kernel::{LEVELS, LevelLayout, STEPS_PER_TEXEL, STRIDE, STRIP, Texel, Texels};
 use senda_core::memory::prefer_large_pages;
+use senda_world::paint::LONGEST_SIDE;
 
 /// A picture of a plane in halving sizes, each with a border of one colour: looks beyond the edge see that colour.
 #[derive(Debug, Clone)]
@@ -24,7 +25,7 @@ impl MipTexture {
     /// A (gloss) is kept as its square root, as the colours are: reflections are mixed in that form.
     ///
     /// # Panics
-    /// When the number of texels is not `width · height`, or a side is 0 or above 60,000.
+    /// When the number of texels is not `width · height`, or a side is 0 or above [`LONGEST_SIDE`].
     pub fn new(width: usize, height: usize, texels: &[[u8; 4]], outside: [u8; 4]) -> Self {
         assert_eq!(texels.len(), width * height);
         let pack = Packing::new();
@@ -47,9 +48,9 @@ impl MipTexture {
     /// is stored in costs nothing.
     ///
     /// # Panics
-    /// When a side is 0 or above 60,000.
+    /// When a side is 0 or above [`LONGEST_SIDE`].
     pub(super) fn blank(width: usize, height: usize) -> Self {
-        assert!((1..=60_000).contains(&width) && (1..=60_000).contains(&height));
+        assert!((1..=LONGEST_SIDE).contains(&width) && (1..=LONGEST_SIDE).contains(&height));
         let sizes = sizes(width, height);
         let mut layouts = [LevelLayout::default(); LEVELS];
         let mut base = 0;

@@ -22,6 +22,9 @@ use std::ops::Range;
 /// Most texels of a painting (256 MiB). Worlds that need more are painted more coarsely.
 pub const TEXEL_BUDGET: usize = 64 << 20;
 
+/// Most texels to a side of a painting: positions along it are counted in 32-bit floats with seven bits to a texel.
+pub const LONGEST_SIDE: usize = 60_000;
+
 /// Rows that are painted together: few enough to stay in the processor's cache from the material to the light.
 const BAND: usize = 32;
 
@@ -83,9 +86,10 @@ pub fn paint(world: &World, metres_per_texel: f64) -> FloorPainting {
     }
 }
 
-/// Side of the finest texels (m) that [`TEXEL_BUDGET`] allows a floor of a size (m).
+/// Side of the finest texels (m) that [`TEXEL_BUDGET`] and [`LONGEST_SIDE`] allow a floor of a size (m).
 pub fn finest_texel_m(size: Vec2) -> f64 {
-    (size.x * size.y / (TEXEL_BUDGET as f64 * 0.98)).sqrt()
+    let by_area_m = (size.x * size.y / (TEXEL_BUDGET as f64 * 0.98)).sqrt();
+    by_area_m.max(size.max_element() / (LONGEST_SIDE as f64 * 0.98))
 }
 
 /// A floor that is ready to be painted, window by window: whoever sees only part of it need not paint the rest.

@@ -198,6 +198,22 @@ fn a_huge_world_is_painted_coarsely() {
 }
 
 #[test]
+fn a_long_narrow_world_is_painted_coarsely() {
+    for length_m in [110.0, 125.0, 3000.0] {
+        let text = format!(
+            "[path]\nclosed = false\npieces = [{{ kind = \"straight\", length_m = {length_m} }}]\n\
+             [[markings]]\nwidth_m = 0.018\ncolour = \"black\"\n"
+        );
+        let (world, _) = World::parse("long.toml", &text).unwrap();
+        let (width, height) = Painter::new(&world, 0.001).size();
+        assert!(
+            width.max(height) <= LONGEST_SIDE,
+            "{length_m} m: {width} x {height}"
+        );
+    }
+}
+
+#[test]
 fn a_texel_is_the_same_in_every_window() {
     let lake = World::named("lake").unwrap();
     let lane = World::named("s-curves-lane").unwrap();
