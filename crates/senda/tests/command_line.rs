@@ -265,6 +265,14 @@ fn worlds_are_drawn_made_and_printed() {
         .failure()
         .stderr(predicate::str::contains("its own measures"));
     senda(&["world", "print", "oval", "--out", text(&at("oval.pdf"))]).success();
+    // Pages without an ending were pages that no program opened.
+    senda(&["world", "print", "circuit-5", "--out", text(&at("pages"))]).success();
+    let mut pages = std::fs::read_dir(at("pages")).unwrap();
+    assert!(pages.all(|page| page.unwrap().path().extension().is_some_and(|ending| ending == "svg")));
+    senda(&["world", "print", "oval", "--out", text(&at("oval.txt"))])
+        .failure()
+        .stderr(predicate::str::contains("ends in .pdf").and(predicate::str::contains("`txt`")));
+    assert!(!at("oval.txt").exists());
     // A road lap through way points, and what is wrong with a file of them.
     let points = "140,0\n100,80\n0,100\n-100,70\n-140,0\n-90,-80\n10,-100\n110,-70\n";
     std::fs::write(at("points.csv"), points).unwrap();

@@ -225,12 +225,17 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             };
             let print = Print::new(&world, &options).with_context(|| world.name.clone())?;
             let (count, (columns, rows)) = (print.sheet_count(), print.grid());
-            if extension(&out) == "pdf" {
-                write_file(&out, &print.pdf())?;
-            } else {
-                for (name, page) in print.svg() {
-                    write_file(&out.join(name), page.as_bytes())?;
+            match extension(&out) {
+                "pdf" => write_file(&out, &print.pdf())?,
+                "" => {
+                    for (name, page) in print.svg() {
+                        write_file(&out.join(format!("{name}.svg")), page.as_bytes())?;
+                    }
                 }
+                other => bail!(
+                    "{}: expected a name that ends in .pdf, or a folder (a name without an ending) for SVG pages, but found `{other}`",
+                    out.display()
+                ),
             }
             println!(
                 "{}: {count} sheets ({columns} x {rows}); print at 100 % and check the ruler",
