@@ -49,7 +49,7 @@ pub use marking::{Dash, Marking};
 pub use paint::FloorPainting;
 pub use path::{PathShape, PathSpec, Piece, closing_pieces, self_overlap, smallest_radius_m};
 pub use pictures::LightProgram;
-pub use random::{Difficulty, Kind, Tone};
+pub use random::{Difficulty, Kind, LimitsError, Tone};
 pub use texture::{Cells, Texture};
 pub use thing::{Face, Thing, ThingShape};
 pub use vehicle::{

@@ -58,6 +58,47 @@ fn two_hundred_seeds_are_valid_and_do_not_overlap() {
     }
 }
 
+/// What a person asked for was silently not held: 1 to 1.1 m gave 1.92 m, curves of 5 m on 4 to 6 m gave 32 m.
+#[test]
+fn limits_that_cannot_be_held_are_refused() {
+    let made = |min_radius_m: f64, length_m: [f64; 2]| {
+        World::random_within(
+            1,
+            &Difficulty {
+                min_radius_m,
+                length_m,
+                ..Difficulty::default()
+            },
+        )
+        .map(|_| ())
+        .map_err(|error| error.to_string())
+    };
+    for (radius_m, length_m, expected) in [
+        (0.3, [1.0, 1.1], "1 to 1.1 m"),
+        (0.3, [1.0, 1.1], "allow 1.93 m or more, curves of 0.17 m"),
+        (5.0, [4.0, 6.0], "4 to 6 m"),
+        (0.3, [9.0, 4.0], "did you mean 4,9?"),
+        (0.01, [4.0, 9.0], "a tightest curve from 0.05"),
+        (f64::NAN, [4.0, 9.0], "a tightest curve"),
+        (0.3, [4.0, f64::INFINITY], "a longest length"),
+    ] {
+        let error = made(radius_m, length_m).unwrap_err();
+        assert!(error.contains(expected), "{error}");
+    }
+    for difficulty in [
+        Difficulty::default(),
+        Difficulty::lane(),
+        Difficulty::track(),
+        Difficulty::race(),
+    ] {
+        for seed in 0..40 {
+            let world = World::random_within(seed, &difficulty).unwrap();
+            assert_eq!(world, World::random(seed, &difficulty), "seed {seed}");
+        }
+    }
+    assert!(made(0.2, [3.0, 4.0]).is_ok());
+}
+
 #[test]
 fn seeds_differ_and_repeat() {
     let difficulty = Difficulty::default();

@@ -174,7 +174,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 };
                 difficulty.length_m = [*least, *most];
             }
-            write_world(&World::random(seed, &difficulty), &out)
+            let world = World::random_within(seed, &difficulty).context("--length, --min-radius")?;
+            write_world(&world, &out)
         }
         What::FromWaypoints {
             file,

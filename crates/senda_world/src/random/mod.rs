@@ -9,6 +9,7 @@ use crate::colour::Colour;
 use crate::floor::FLOOR_PRESETS;
 use crate::landscape::Landscape;
 use crate::light::{LIGHT_PRESETS, Light};
+use crate::path::{self_overlap, smallest_radius_m};
 use crate::world::{Backdrop, World};
 use circuit::circuit;
 pub(crate) use dice::Dice;
@@ -189,23 +190,127 @@ impl Difficulty {
     }
 }
 
+/// Curves that a person may ask for (m): tighter ones close in on the line's own width, wider ones need a landscape.
+const ASKED_RADIUS_M: [f64; 2] = [0.05, 100.0];
+/// Lengths that a person may ask for (m).
+const ASKED_LENGTH_M: [f64; 2] = [0.1, 10_000.0];
+/// Length of the shortest circuit as a multiple of its tightest curve's radius: a circle, and a little.
+const CIRCLE: f64 = 2.0 * std::f64::consts::PI * 1.02;
+/// What came out may miss a limit by this part: curves are sampled, and splines rounded to whole millimetres.
+const SAMPLING: f64 = 0.002;
+
+/// Why a world within limits cannot be made up.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum LimitsError {
+    /// A limit is no number that makes sense.
+    #[error("expected {what} from {least} to {most} m, but found {found}")]
+    OutOfRange {
+        /// Which limit.
+        what: &'static str,
+        /// Least that is allowed (m).
+        least: f64,
+        /// Most that is allowed (m).
+        most: f64,
+        /// What was asked for (m).
+        found: f64,
+    },
+    /// The longest length is below the shortest.
+    #[error("expected the shortest length before the longest, but found {} and {} m; did you mean {},{}?", .found_m[0], .found_m[1], .found_m[1], .found_m[0])]
+    Reversed {
+        /// As asked for (m).
+        found_m: [f64; 2],
+    },
+    /// The limits contradict each other, at least for this seed.
+    #[error(
+        "no circuit of {} to {} m with curves of {radius_m:.3} m or more and {clearance_m:.2} m between its parts came out of \
+         this seed: the nearest is {got_length_m:.2} m long with a tightest curve of {got_radius_m:.3} m; allow {} m or more, \
+         curves of {} m, or take another seed",
+        .length_m[0], .length_m[1], (.got_length_m * 100.0).ceil() / 100.0, (.length_m[1] / CIRCLE * 100.0).floor() / 100.0
+    )]
+    Together {
+        /// Shortest and longest length asked for (m).
+        length_m: [f64; 2],
+        /// Tightest curve: what was asked for, or what a lane of this width needs (m).
+        radius_m: f64,
+        /// Distance that other parts of the path keep (m).
+        clearance_m: f64,
+        /// What came out (m).
+        got_length_m: f64,
+        /// Its tightest curve (m).
+        got_radius_m: f64,
+    },
+}
+
+impl Difficulty {
+    /// Tightest curve (m) of a lane of this width: inside a curve the inner line must not fold.
+    fn least_radius_m(&self, lane_width_m: Option<f64>) -> f64 {
+        self.min_radius_m
+            .max(lane_width_m.unwrap_or(0.0) * 0.75)
+            .max(0.02)
+    }
+
+    /// Distance (m) that other parts of the path keep.
+    fn distance_m(&self, lane_width_m: Option<f64>) -> f64 {
+        if self.clearance_m > 0.0 {
+            self.clearance_m
+        } else {
+            (lane_width_m.unwrap_or(0.0) + 0.3).max(0.45)
+        }
+    }
+}
+
 impl World {
+    /// As [`World::random`], but an error where that would break a limit of the path.
+    pub fn random_within(seed: u64, difficulty: &Difficulty) -> Result<Self, LimitsError> {
+        let [shortest_m, longest_m] = difficulty.length_m;
+        for (what, found, [least, most]) in [
+            ("a tightest curve", difficulty.min_radius_m, ASKED_RADIUS_M),
+            ("a shortest length", shortest_m, ASKED_LENGTH_M),
+            ("a longest length", longest_m, ASKED_LENGTH_M),
+        ] {
+            if !(least..=most).contains(&found) {
+                return Err(LimitsError::OutOfRange {
+                    what,
+                    least,
+                    most,
+                    found,
+                });
+            }
+        }
+        if longest_m < shortest_m {
+            return Err(LimitsError::Reversed {
+                found_m: difficulty.length_m,
+            });
+        }
+        let world = Self::random(seed, difficulty);
+        let radius_m = difficulty.least_radius_m(world.lane_width_m);
+        let clearance_m = difficulty.distance_m(world.lane_width_m);
+        let (got_length_m, got_radius_m) = (world.path.length_m(), smallest_radius_m(&world.path));
+        let is_within = got_length_m >= shortest_m * (1.0 - SAMPLING)
+            && got_length_m <= longest_m * (1.0 + SAMPLING)
+            && got_radius_m >= radius_m * (1.0 - SAMPLING)
+            && self_overlap(&world.path, clearance_m).is_none();
+        if is_within {
+            Ok(world)
+        } else {
+            Err(LimitsError::Together {
+                length_m: difficulty.length_m,
+                radius_m,
+                clearance_m,
+                got_length_m,
+                got_radius_m,
+            })
+        }
+    }
+
     /// A closed circuit made up from a seed: always valid, never overlapping itself, different for every seed and the
-    /// same for the same seed and difficulty.
+    /// same for the same seed and difficulty. Where limits contradict each other the radius wins.
     pub fn random(seed: u64, difficulty: &Difficulty) -> Self {
         let mut dice = Dice::new(seed);
         let lane_width_m =
             (difficulty.kind == Kind::Lane).then(|| dice.between(difficulty.lane_width_m).max(0.02));
-        let clearance_m = if difficulty.clearance_m > 0.0 {
-            difficulty.clearance_m
-        } else {
-            (lane_width_m.unwrap_or(0.0) + 0.3).max(0.45)
-        };
-        // Inside a curve the inner line must not fold.
-        let min_radius_m = difficulty
-            .min_radius_m
-            .max(lane_width_m.unwrap_or(0.0) * 0.75)
-            .max(0.02);
+        let clearance_m = difficulty.distance_m(lane_width_m);
+        let min_radius_m = difficulty.least_radius_m(lane_width_m);
         let (path_spec, path) = circuit(&mut dice, min_radius_m, difficulty.length_m, clearance_m);
         let floor = choose_floor(&mut dice, difficulty);
         let markings = choose_markings(&mut dice, difficulty, &floor, lane_width_m, &path);
