@@ -188,6 +188,14 @@ impl Thing {
 fn read_place(table: &mut Table, path: &Curve) -> Result<Pose2, WorldError> {
     let heading_rad = table.optional_angle("heading_rad", "heading_deg", -2.0 * PI, 2.0 * PI)?;
     if let Some(station_m) = table.optional_f64("station_m", -FAR_M, FAR_M)? {
+        if !path.is_closed() && !(0.0..=path.length_m()).contains(&station_m) {
+            return Err(table.problem(
+                "station_m",
+                format!("a station on the path (0 to {:.3} m)", path.length_m()),
+                format!("{station_m}"),
+                "write x_m and y_m for a place beyond its ends",
+            ));
+        }
         // Beside the path; without a heading it faces the vehicles that come along.
         let offset_m = table.f64("offset_m", -FAR_M, FAR_M, 0.0)?;
         let at = path.pose_at(station_m);

@@ -148,6 +148,21 @@ fn impossible_geometry_is_an_error() {
         "path.pieces",
         &["a gap of 1.000 m", "kind = \"close\""],
     );
+    // A board beyond the end of an open path stood where nobody looked for it.
+    let board = |station_m: &str| {
+        format!(
+            "{PATH}[[things]]\nkind = \"board\"\nstation_m = {station_m}\nwidth_m = 0.1\nheight_m = 0.1\ncolour = \"red\"\n"
+        )
+    };
+    for station_m in ["3", "-0.1"] {
+        check(
+            &board(station_m),
+            5,
+            "things[0].station_m",
+            &["0 to 2.000 m", station_m, "x_m and y_m"],
+        );
+    }
+    World::parse("mine.toml", &board("2")).unwrap();
 }
 
 #[test]
