@@ -138,7 +138,11 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             }
             let bytes = match extension(&out) {
                 "svg" => draw::svg(&world).into_bytes(),
-                "png" => draw::png(&paint::paint(&world, 1.0 / resolution)),
+                "png" => {
+                    let mut picture = paint::paint(&world, 1.0 / resolution);
+                    draw::add_upright(&mut picture, &world);
+                    draw::png(&picture)
+                }
                 other => bail!(
                     "{}: expected a name that ends in .svg or .png, but found `{other}`",
                     out.display()

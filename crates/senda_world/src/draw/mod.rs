@@ -1,5 +1,6 @@
 //! Pictures of a world: drawings (SVG), paintings (PNG) and prints at true scale (PDF, SVG).
 
+mod above;
 mod boards;
 mod lines;
 mod map;
@@ -7,6 +8,7 @@ mod pdf;
 mod print;
 mod shape;
 
+pub use above::add_upright;
 pub use boards::boards;
 pub use map::svg;
 pub use print::{CannotPrint, Ink, Paper, Print, PrintOptions, SHEET_LIMIT};
