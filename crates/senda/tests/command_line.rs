@@ -268,7 +268,12 @@ fn worlds_are_drawn_made_and_printed() {
     // Pages without an ending were pages that no program opened.
     senda(&["world", "print", "circuit-5", "--out", text(&at("pages"))]).success();
     let mut pages = std::fs::read_dir(at("pages")).unwrap();
-    assert!(pages.all(|page| page.unwrap().path().extension().is_some_and(|ending| ending == "svg")));
+    assert!(pages.all(|page| {
+        page.unwrap()
+            .path()
+            .extension()
+            .is_some_and(|ending| ending == "svg")
+    }));
     senda(&["world", "print", "oval", "--out", text(&at("oval.txt"))])
         .failure()
         .stderr(predicate::str::contains("ends in .pdf").and(predicate::str::contains("`txt`")));
@@ -292,6 +297,44 @@ fn worlds_are_drawn_made_and_printed() {
     .stderr(predicates::str::contains("--scale"));
     assert!(std::fs::read(at("oval.pdf")).unwrap().starts_with(b"%PDF"));
     assert!(std::fs::read(at("oval.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+/// Only one vehicle could be calibrated: the squares lay outside the others' pictures.
+#[test]
+fn every_ready_vehicle_near_the_floor_can_be_calibrated() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for vehicle in ["picar", "donkeycar", "warehouse-cart"] {
+        let (sheet, file) = (at("sheet.pdf"), at("calibration.toml"));
+        senda(&["calibrate", "sheet", "--vehicle", vehicle, "--out", text(&sheet)]).success();
+        let camera = ["calibrate", "camera", "--simulate", "--vehicle", vehicle];
+        senda(&[&camera[..], &["--accept", "--out", text(&file)]].concat()).success();
+        let drive = ["drive", "--vehicle", vehicle, "--time-limit", "1"];
+        senda(&[&drive[..], &["--calibration", text(&file)]].concat()).success();
+    }
+    senda(&[
+        "calibrate",
+        "sheet",
+        "--vehicle",
+        "sedan",
+        "--out",
+        text(&at("sheet.pdf")),
+    ])
+    .failure()
+    .stderr(predicate::str::contains("sedan").and(predicate::str::contains("mount the camera lower")));
+    // Nearer than the camera sees: what to do can be done.
+    let near = [
+        "calibrate",
+        "camera",
+        "--simulate",
+        "--vehicle",
+        "picar",
+        "--near-square",
+        "0.14",
+    ];
+    senda(&[&near[..], &["--out", text(&at("calibration.toml"))]].concat())
+        .failure()
+        .stderr(predicate::str::contains("--near-square"));
 }
 
 #[test]

@@ -1,15 +1,16 @@
 //! `senda calibrate …`: sheet, camera, placement and motors (C1, C2, C11 in SPEC).
 
 use super::write_file;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use clap::{Args, Subcommand};
 use senda_core::Encoded;
 use senda_run::{photograph, scenario::find_vehicle};
 use senda_vision::calibration::{
-    Calibration, CalibrationOptions, Sheet, calibrate,
+    Calibration, CalibrationError, CalibrationOptions, Sheet, calibrate,
     motor::{Measurement, MotorLine},
     overlay, placement, sheet,
 };
+use senda_world::VehicleSpec;
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -28,9 +29,12 @@ enum What {
         /// Landscape instead of portrait
         #[arg(long)]
         landscape: bool,
-        /// Vehicle whose wheel marks are drawn
+        /// Vehicle whose camera must see the squares, and whose wheel marks are drawn
         #[arg(long, default_value = "gopigo")]
         vehicle: String,
+        /// Where the near square begins, ahead of the axle (m), instead of where the vehicle's camera sees it
+        #[arg(long, value_name = "M")]
+        near_square: Option<f64>,
     },
     /// Find the sheet in a picture and write the calibration file
     Camera {
@@ -40,12 +44,15 @@ enum What {
         /// Let the simulated camera take the picture instead
         #[arg(long, conflicts_with = "photo")]
         simulate: bool,
-        /// Vehicle whose lens and track are used
+        /// Vehicle whose lens and sheet are used
         #[arg(long, default_value = "gopigo")]
         vehicle: String,
         /// The sheet was printed in landscape
         #[arg(long)]
         landscape: bool,
+        /// The sheet was printed with this --near-square (m)
+        #[arg(long, value_name = "M")]
+        near_square: Option<f64>,
         /// The lens is unknown: fit the floor map alone
         #[arg(long)]
         unknown_lens: bool,
@@ -108,8 +115,9 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             out,
             landscape,
             vehicle,
+            near_square,
         } => {
-            let page = page(landscape, &vehicle)?;
+            let page = page(landscape, near_square, &find_vehicle(&vehicle)?)?;
             let bytes = match extension(&out) {
                 "pdf" => sheet::pdf(&page),
                 "svg" => sheet::svg(&page).into_bytes(),
@@ -119,7 +127,18 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 ),
             };
             write_file(&out, &bytes)?;
-            println!("{}: print at 100 % and check the ruler", out.display());
+            println!(
+                "{}: {}, squares of {:.0} mm from {:.0} and {:.0} mm ahead of the axle; print at 100 % and check the ruler",
+                out.display(),
+                if page.page_width_m.max(page.page_length_m) > sheet::A4_LONG_M {
+                    "A3"
+                } else {
+                    "A4"
+                },
+                page.square_side_m * 1e3,
+                page.near_square_m * 1e3,
+                page.far_square_m * 1e3
+            );
             Ok(())
         }
         What::Camera {
@@ -127,6 +146,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             simulate: _,
             vehicle,
             landscape,
+            near_square,
             unknown_lens,
             accept,
             seed,
@@ -134,7 +154,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             overlay,
         } => {
             let spec = find_vehicle(&vehicle)?;
-            let page = page(landscape, &vehicle)?;
+            let page = page(landscape, near_square, &spec)?;
             let (image, encoded) = match photo {
                 Some(path) => read_picture(&path)?,
                 None => {
@@ -167,7 +187,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                     senda_eval::report::picture_svg(&image, &encoded, &shapes).as_bytes(),
                 )?;
             }
-            let calibration = result?;
+            let calibration = result.map_err(with_the_flag)?;
             write_file(&out, calibration.to_toml().as_bytes())?;
             describe(&calibration, &out);
             Ok(())
@@ -234,17 +254,40 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     }
 }
 
-fn page(landscape: bool, vehicle: &str) -> Result<Sheet> {
-    let mut page = if landscape {
-        Sheet::a4_landscape()
-    } else {
-        Sheet::a4_portrait()
+/// The vehicle's sheet, the same whenever it is asked for: what was printed is what is looked for.
+fn page(landscape: bool, near_square: Option<f64>, vehicle: &VehicleSpec) -> Result<Sheet> {
+    let body = vehicle.body();
+    let own = body
+        .cameras
+        .first()
+        .map(|camera| Sheet::for_camera(camera, landscape));
+    let mut page = match own {
+        Some(Ok(page)) => page,
+        Some(Err(error)) if near_square.is_none() => {
+            return Err(error).with_context(|| format!("no sheet for the camera of {}", vehicle.name));
+        }
+        _ if landscape => Sheet::a4_landscape(),
+        _ => Sheet::a4_portrait(),
     };
-    if let senda_core::Steering::Differential { track_m } = find_vehicle(vehicle)?.steering {
-        page.track_m = track_m;
+    if let Some(near_square_m) = near_square {
+        page = page.moved(near_square_m - page.near_square_m);
     }
+    page.track_m = match vehicle.steering {
+        senda_core::Steering::Differential { track_m } => track_m,
+        senda_core::Steering::Ackermann { .. } => vehicle.wheels.track_m,
+    };
     page.check()?;
     Ok(page)
+}
+
+/// The library's words name no flags; here the reader has them.
+fn with_the_flag(error: CalibrationError) -> anyhow::Error {
+    let flag = match error {
+        CalibrationError::Misplaced { .. } => "--accept",
+        CalibrationError::CutOff { .. } => "--near-square M, for `calibrate sheet` and `calibrate camera`",
+        _ => return error.into(),
+    };
+    anyhow!("{error} ({flag})")
 }
 
 fn extension(path: &Path) -> &str {

@@ -1,6 +1,7 @@
 //! The printed calibration sheet: where its squares lie, and how to draw it (C1 in SPEC).
 
 mod draw;
+mod for_camera;
 mod pdf;
 mod svg;
 
@@ -12,6 +13,8 @@ use serde::{Deserialize, Serialize};
 
 /// Long side of an A4 page (m), ISO 216.
 pub const A4_LONG_M: f64 = 0.297;
+/// Long side of an A3 page (m), ISO 216; its short side is A4's long one.
+pub const A3_LONG_M: f64 = 0.420;
 /// Short side of an A4 page (m), ISO 216.
 pub const A4_SHORT_M: f64 = 0.210;
 
@@ -73,6 +76,31 @@ impl Sheet {
             page_start_m: 0.10,
             near_square_m: 0.14,
             far_square_m: 0.235,
+            ..Self::default()
+        }
+    }
+
+    /// The same on an A3 page with squares of 7 cm, for cameras that see squares of 5 cm too small.
+    pub fn a3_portrait() -> Self {
+        Self {
+            page_width_m: A4_LONG_M,
+            page_length_m: A3_LONG_M,
+            square_side_m: 0.07,
+            near_square_m: 0.205,
+            far_square_m: 0.31,
+            ..Self::default()
+        }
+    }
+
+    /// An A3 page across the vehicle, 10 cm ahead of the axle, with squares of 7 cm.
+    pub fn a3_landscape() -> Self {
+        Self {
+            page_width_m: A3_LONG_M,
+            page_length_m: A4_LONG_M,
+            page_start_m: 0.10,
+            square_side_m: 0.07,
+            near_square_m: 0.155,
+            far_square_m: 0.285,
             ..Self::default()
         }
     }
@@ -189,6 +217,24 @@ pub enum SheetError {
         /// Largest allowed (m).
         high: f64,
     },
+    /// A camera sees the squares of every page too small.
+    #[error(
+        "expected a page up to A3 whose squares are {least_px:.0} px or more in the picture, but found {side_px:.1} px at most: the camera \
+         is too far from the floor for its frames; give the vehicle file larger frames (width_px, height_px), mount the camera lower, or tilt \
+         it further down"
+    )]
+    TooSmallInPicture {
+        /// Least side of a square, on the page that suits best (px).
+        side_px: f64,
+        /// What it should be (px).
+        least_px: f64,
+    },
+    /// A camera sees no place for a page.
+    #[error(
+        "expected a camera that sees two squares on the floor ahead of the vehicle whole, but it does not see the floor there; tilt it \
+         down, and check its height (z_m) and tilt in the vehicle file"
+    )]
+    NotInPicture,
     /// The dimensions contradict each other.
     #[error("sheet: {what}")]
     DoesNotFit {
@@ -203,7 +249,12 @@ mod tests {
 
     #[test]
     fn the_ready_sheets_can_be_printed() {
-        for sheet in [Sheet::a4_portrait(), Sheet::a4_landscape()] {
+        for sheet in [
+            Sheet::a4_portrait(),
+            Sheet::a4_landscape(),
+            Sheet::a3_portrait(),
+            Sheet::a3_landscape(),
+        ] {
             sheet.check().unwrap();
         }
         assert!(Sheet::a4_portrait().carries_wheels());

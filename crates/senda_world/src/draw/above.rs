@@ -65,7 +65,8 @@ fn bar(from: Vec2, to: Vec2, width_m: f64) -> Vec<Vec2> {
 /// Texels whose middles may lie between two corners (m).
 fn window(painting: &FloorPainting, low: Vec2, high: Vec2) -> [std::ops::Range<usize>; 2] {
     let texels = |from_m: f64, to_m: f64, origin_m: f64, count: usize| {
-        let texel = |place_m: f64| ((place_m - origin_m) / painting.metres_per_texel).clamp(0.0, count as f64);
+        let texel =
+            |place_m: f64| ((place_m - origin_m) / painting.metres_per_texel).clamp(0.0, count as f64);
         texel(from_m).floor() as usize..texel(to_m).ceil() as usize
     };
     [
@@ -89,9 +90,9 @@ fn cover(painting: &mut FloorPainting, low: Vec2, high: Vec2, colour: Colour, co
 
 /// Fills a convex polygon (m), counter-clockwise.
 fn fill(painting: &mut FloorPainting, polygon: &[Vec2], colour: Colour) {
-    let (low, high) = polygon
-        .iter()
-        .fold((polygon[0], polygon[0]), |(low, high), p| (low.min(*p), high.max(*p)));
+    let (low, high) = polygon.iter().fold((polygon[0], polygon[0]), |(low, high), p| {
+        (low.min(*p), high.max(*p))
+    });
     cover(painting, low, high, colour, |point| {
         (0..polygon.len()).all(|i| {
             let (a, b) = (polygon[i], polygon[(i + 1) % polygon.len()]);

@@ -48,7 +48,7 @@ pub(super) fn marks(sheet: &Sheet) -> Vec<Mark> {
     // Everything else stays below or well beside the near square, so that the camera sees white paper around the squares.
     let near = down(sheet.near_square_m);
     marks.push(line(
-        [middle, (near + 12.0).min(length - 4.0)],
+        [middle, (near + 0.24 * side).min(length - 4.0)],
         [middle, length - 4.0],
     ));
     let mut rows = vec![
@@ -143,6 +143,8 @@ mod tests {
             Sheet::a4_portrait(),
             Sheet::a4_landscape(),
             Sheet::default().moved(0.3),
+            Sheet::a3_portrait().moved(0.2),
+            Sheet::a3_landscape(),
         ] {
             let near = (sheet.page_end_m() - sheet.near_square_m) * 1e3;
             let side = sheet.square_side_m * 1e3;
