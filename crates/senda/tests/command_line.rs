@@ -105,7 +105,7 @@ fn mistakes_are_answered_with_what_to_do() {
         .stderr(predicate::str::contains("laps"));
     senda(&["drive", "--world", "missing.toml"])
         .failure()
-        .stderr(predicate::str::contains("missing.toml"));
+        .stderr(predicate::str::contains("missing.toml: expected a world file"));
     senda(&["replay", "missing.mcap"])
         .failure()
         .stderr(predicate::str::contains("missing.mcap"));

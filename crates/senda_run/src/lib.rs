@@ -14,6 +14,7 @@ pub mod drive;
 pub mod error;
 pub mod guard;
 mod log;
+mod own_file;
 pub mod photograph;
 pub mod pilot;
 pub mod random;

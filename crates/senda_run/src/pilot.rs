@@ -214,12 +214,62 @@ fn detector_of(
     }
 }
 
+/// What is wrong with a driver's options.
+pub(crate) struct Refused {
+    /// The key that is to blame, with its tables, as `follow.settle_m`; empty where none can be named.
+    pub(crate) key: String,
+    /// In words, with the nearest known key.
+    pub(crate) reason: String,
+}
+
+/// Checks options without making the driver or reading its files. Unknown drivers are none of its business.
+pub(crate) fn check_options(name: &str, options: &toml::Table) -> Result<(), Refused> {
+    let mut options = options.clone();
+    match name {
+        "line" => read_options::<LineOptions>(&options).map(drop),
+        "lane" => read_options::<LaneOptions>(&options).map(drop),
+        "hough" => read_options::<HoughDriverOptions>(&options).map(drop),
+        "neural" => {
+            for file in ["model", THROTTLE_MODEL] {
+                options.remove(file);
+            }
+            read_options::<NeuralOptions>(&options).map(drop)
+        }
+        "mission" => {
+            options.remove(DETECTOR);
+            read_options::<MissionOptions>(&options).map(drop)
+        }
+        "expert" => read_options::<ExpertOptions>(&options).map(drop),
+        "human" => read_options::<HumanOptions>(&options).map(drop),
+        _ => Ok(()),
+    }
+}
+
+fn read_options<T: DeserializeOwned>(options: &toml::Table) -> Result<T, Refused> {
+    options.clone().try_into().map_err(|error: toml::de::Error| {
+        let said = senda_toml::with_nearest(error.message());
+        // "in `follow.kp`" is a line of its own.
+        let whole = error.to_string();
+        let place = whole
+            .lines()
+            .find_map(|line| line.strip_prefix("in `")?.strip_suffix('`'));
+        let unknown = said
+            .strip_prefix("unknown field `")
+            .and_then(|rest| rest.split('`').next());
+        let key: Vec<&str> = place.into_iter().chain(unknown).collect();
+        Refused {
+            key: key.join("."),
+            reason: match place {
+                Some(place) => format!("{place}: {said}"),
+                None => said,
+            },
+        }
+    })
+}
+
 fn parse_options<T: DeserializeOwned>(driver: &str, options: &toml::Table) -> Result<T, RunError> {
-    options
-        .clone()
-        .try_into()
-        .map_err(|error: toml::de::Error| RunError::DriverOptions {
-            driver: driver.to_owned(),
-            reason: error.message().to_owned(),
-        })
+    read_options(options).map_err(|refused| RunError::DriverOptions {
+        driver: driver.to_owned(),
+        reason: refused.reason,
+    })
 }

@@ -1,10 +1,12 @@
 //! What to run: one TOML file or the flags of the command line, resolved to plain data.
 
-use crate::RunError;
+use crate::own_file::{self, Kind};
+use crate::{RunError, pilot, random};
 use senda_core::Body;
 use senda_geom::Camera;
+use senda_toml::nearest_names;
 use senda_vision::calibration::Calibration;
-use senda_world::{VehicleSpec, World};
+use senda_world::{VehicleSpec, World, WorldError};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -62,6 +64,15 @@ pub struct Scenario {
     pub driver_options: toml::Table,
 }
 
+const SCENARIO_FILE: Kind = Kind {
+    name: "scenario file",
+    help: "the least that one says is world = \"oval\", vehicle = \"gopigo\" and driver = \"line\", a line each",
+};
+const CALIBRATION_FILE: Kind = Kind {
+    name: "calibration file",
+    help: "`senda calibrate camera` writes one from a photograph of its sheet",
+};
+
 /// Where the vehicle stands at the beginning, relative to the path at the world's start.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -115,10 +126,26 @@ impl Scenario {
 
     /// Reads a scenario file. Errors name the line.
     pub fn load(path: &Path) -> Result<Self, RunError> {
-        let text = std::fs::read_to_string(path).map_err(|source| RunError::io(path, source))?;
-        toml::from_str(&text).map_err(|error| RunError::File {
-            path: path.to_owned(),
-            reason: error.to_string().trim_end().to_owned(),
+        own_file::load(path, &SCENARIO_FILE)
+    }
+
+    /// Refuses options that the driver does not know. Where they stand in the scenario's file, its line is named.
+    pub fn check_driver_options(&self, file: Option<&Path>) -> Result<(), RunError> {
+        let Err(refused) = pilot::check_options(&self.driver, &self.driver_options) else {
+            return Ok(());
+        };
+        let line = file
+            .and_then(|path| std::fs::read_to_string(path).ok())
+            .and_then(|text| line_of_option(&text, &refused.key));
+        Err(match (file, line) {
+            (Some(path), Some(line)) => RunError::File {
+                path: format!("{}:{line}", path.display()).into(),
+                reason: format!("driver_options of `{}`: {}", self.driver, refused.reason),
+            },
+            _ => RunError::DriverOptions {
+                driver: self.driver.clone(),
+                reason: refused.reason,
+            },
         })
     }
 
@@ -227,7 +254,7 @@ pub fn believed_body(body: &Body, calibration: Option<&str>) -> Result<Body, Run
     let mut body = body.clone();
     if let (Some(path), Some(camera)) = (calibration, body.cameras.first_mut()) {
         let path = Path::new(path);
-        let text = std::fs::read_to_string(path).map_err(|source| RunError::io(path, source))?;
+        let text = own_file::read(path, &CALIBRATION_FILE)?;
         let wrong = |reason: String| RunError::File {
             path: path.to_owned(),
             reason,
@@ -253,7 +280,37 @@ pub fn find_world(name: &str) -> Result<World, RunError> {
     if looks_like_file(name) {
         return Ok(World::load(Path::new(name))?.0);
     }
-    Ok(World::named(name)?)
+    World::named(name).map_err(|error| match error {
+        WorldError::UnknownName { .. } => unknown_world(name).into(),
+        other => other.into(),
+    })
+}
+
+/// The library knows its own names only; here random families and files are possible too.
+fn unknown_world(name: &str) -> WorldError {
+    let families = random::FAMILIES.map(|(family, _)| family);
+    let nearest: Vec<String> = match name.split_once(':') {
+        Some((family, seed)) => nearest_names(family, &families)
+            .into_iter()
+            .map(|family| format!("{family}:{seed}"))
+            .collect(),
+        None => nearest_names(name, &World::names().collect::<Vec<_>>()),
+    };
+    let guess = match nearest.first() {
+        Some(nearest) => format!("did you mean {nearest:?}? "),
+        None => String::new(),
+    };
+    let ready: Vec<&str> = World::names().collect();
+    WorldError::UnknownName {
+        what: "world",
+        found: name.to_owned(),
+        nearest,
+        help: format!(
+            "{guess}Known: {}; from a seed, such as random-line:17: {}; or a file whose name ends in .toml",
+            ready.join(", "),
+            families.join(", ")
+        ),
+    }
 }
 
 /// A vehicle by file (`….toml`) or name.
@@ -261,7 +318,36 @@ pub fn find_vehicle(name: &str) -> Result<VehicleSpec, RunError> {
     if looks_like_file(name) {
         return Ok(VehicleSpec::load(Path::new(name))?.0);
     }
-    Ok(VehicleSpec::named(name)?)
+    VehicleSpec::named(name).map_err(|error| match error {
+        WorldError::UnknownName {
+            what,
+            found,
+            nearest,
+            help,
+        } => RunError::World(WorldError::UnknownName {
+            what,
+            found,
+            nearest,
+            help: format!("{help}; or a file whose name ends in .toml"),
+        }),
+        other => other.into(),
+    })
+}
+
+/// The line (from 1) on which a key of `[driver_options]` stands; dots lead into its tables.
+fn line_of_option(text: &str, key: &str) -> Option<usize> {
+    let root = toml::de::DeTable::parse(text).ok()?;
+    let mut table = root.get_ref();
+    let mut byte = None;
+    for part in std::iter::once("driver_options").chain(key.split('.')) {
+        let (name, value) = table.iter().find(|(name, _)| name.get_ref().as_ref() == part)?;
+        byte = Some(name.span().start);
+        match value.get_ref() {
+            toml::de::DeValue::Table(inner) => table = inner,
+            _ => break,
+        }
+    }
+    byte.map(|byte| 1 + text.bytes().take(byte).filter(|byte| *byte == b'\n').count())
 }
 
 fn looks_like_file(name: &str) -> bool {
@@ -280,6 +366,123 @@ mod tests {
         scenario.driver_options.insert("form".into(), "document".into());
         let back: Scenario = toml::from_str(&scenario.to_toml()).unwrap();
         assert_eq!(back, scenario);
+    }
+
+    /// A missing file was answered with "No such file or directory (os error 2)", a misspelt key with a list of all.
+    #[test]
+    fn files_that_cannot_be_used_say_what_was_expected_and_what_to_do() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scenario.toml");
+        let refused = |content: &[u8]| {
+            std::fs::write(&path, content).unwrap();
+            Scenario::load(&path).unwrap_err().to_string()
+        };
+        for (content, words) in [
+            (&b""[..], &["an empty file", "world = \"oval\""][..]),
+            (
+                b"# nothing yet\n",
+                &["missing field `world`", "driver = \"line\""],
+            ),
+            (b"world = '\xff'", &["no UTF-8 text from byte 9 on"]),
+            (b"world = 'oval'\nlpas = 2\n", &["line 2", "did you mean `laps`?"]),
+            (
+                b"[options]\nform = 'shape'\n",
+                &["did you mean `driver_options`?"],
+            ),
+        ] {
+            let error = refused(content);
+            for word in words.iter().chain(&["scenario.toml"]) {
+                assert!(error.contains(word), "{word:?} in {error}");
+            }
+        }
+        let nowhere = folder.path().join("nope.toml");
+        let nowhere = nowhere.to_str().unwrap();
+        let scenario = Scenario::load(Path::new(nowhere)).unwrap_err().to_string();
+        assert!(
+            scenario.contains("expected a scenario file, but found no such file"),
+            "{scenario}"
+        );
+        let world = find_world(nowhere).unwrap_err().to_string();
+        assert!(
+            world.contains("expected a world file") && world.contains("senda world list"),
+            "{world}"
+        );
+        let vehicle = find_vehicle(nowhere).unwrap_err().to_string();
+        assert!(vehicle.contains("expected a vehicle file"), "{vehicle}");
+        let body = VehicleSpec::named("gopigo").unwrap().body();
+        let calibration = believed_body(&body, Some(nowhere)).unwrap_err().to_string();
+        assert!(
+            calibration.contains("expected a calibration file"),
+            "{calibration}"
+        );
+        let plan = crate::sweep::Plan::load(Path::new(nowhere))
+            .unwrap_err()
+            .to_string();
+        assert!(plan.contains("expected a sweep plan"), "{plan}");
+    }
+
+    #[test]
+    fn unknown_worlds_are_answered_with_families_and_files() {
+        let error = find_world("random-lime:3").unwrap_err().to_string();
+        for word in [
+            "did you mean \"random-line:3\"?",
+            "oval",
+            "random-race",
+            "ends in .toml",
+        ] {
+            assert!(error.contains(word), "{word:?} in {error}");
+        }
+        assert!(
+            find_world("ovall")
+                .unwrap_err()
+                .to_string()
+                .contains("did you mean \"oval\"?")
+        );
+        assert!(
+            find_vehicle("gopiga")
+                .unwrap_err()
+                .to_string()
+                .contains("ends in .toml")
+        );
+    }
+
+    #[test]
+    fn driver_options_that_nobody_knows_are_named_with_their_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scenario.toml");
+        let text =
+            "world = 'oval'\nvehicle = 'gopigo'\ndriver = 'line'\n[driver_options]\nfrm = 'document'\n";
+        std::fs::write(&path, text).unwrap();
+        let mut scenario = Scenario::load(&path).unwrap();
+        let error = scenario
+            .check_driver_options(Some(&path))
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("scenario.toml:5: "), "{error}");
+        assert!(error.ends_with("did you mean `form`?"), "{error}");
+        // Of two keys of one name, the one that is to blame.
+        let text = "world = 'oval'\nvehicle = 'gopigo'\ndriver = 'line'\n[driver_options.track]\n[driver_options.follow]\n\
+                    settle_m = 1.0\nsetle_s = 2\n";
+        std::fs::write(&path, text).unwrap();
+        let nested = Scenario::load(&path).unwrap();
+        let error = nested.check_driver_options(Some(&path)).unwrap_err().to_string();
+        assert!(
+            error.contains("scenario.toml:7: ") && error.contains("follow: "),
+            "{error}"
+        );
+        assert!(error.ends_with("did you mean `settle_s`?"), "{error}");
+        // From a flag: no line to name.
+        let error = scenario.check_driver_options(None).unwrap_err().to_string();
+        assert!(error.starts_with("options of driver `line`: "), "{error}");
+        scenario.driver_options = toml::from_str("form = 'documnet'").unwrap();
+        let error = scenario.check_driver_options(None).unwrap_err().to_string();
+        assert!(error.contains("did you mean `document`?"), "{error}");
+        // Every ready driver takes its own defaults.
+        for (driver, _) in pilot::DRIVERS {
+            Scenario::new("oval", "gopigo", driver)
+                .check_driver_options(None)
+                .unwrap();
+        }
     }
 
     #[test]

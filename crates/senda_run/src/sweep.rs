@@ -4,6 +4,7 @@
 //! line, in the order in which runs end; a second start reads that file and does only what is missing. Nothing depends
 //! on the number of threads but the order of the lines.
 
+use crate::own_file::{self, Kind};
 use crate::{Ears, RunError, Scenario, drive, pilot, random, scenario::StartOffset};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -18,6 +19,11 @@ use std::{
     path::Path,
     sync::Mutex,
     sync::atomic::{AtomicUsize, Ordering},
+};
+
+const PLAN_FILE: Kind = Kind {
+    name: "sweep plan",
+    help: "it holds a scenario as [base] and lists of what to vary, such as lights = [\"daylight\", \"lamp\"]",
 };
 
 /// What to vary. Empty lists keep the base scenario's value.
@@ -116,11 +122,7 @@ impl Plan {
 
     /// Reads a sweep file. Errors name the line.
     pub fn load(path: &Path) -> Result<Self, RunError> {
-        let text = std::fs::read_to_string(path).map_err(|source| RunError::io(path, source))?;
-        toml::from_str(&text).map_err(|error| RunError::File {
-            path: path.to_owned(),
-            reason: error.to_string().trim_end().to_owned(),
-        })
+        own_file::load(path, &PLAN_FILE)
     }
 
     /// Every run of the plan, in a fixed order. Run number i depends on the plan and i alone.

@@ -19,7 +19,7 @@ mod source;
 mod table;
 mod values;
 
-pub use problem::{Problem, Warning, nearest_names};
+pub use problem::{Problem, Warning, nearest_names, with_nearest};
 pub use source::Source;
 pub use table::Table;
 pub use values::WordOrNumbers;

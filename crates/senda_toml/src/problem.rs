@@ -85,6 +85,21 @@ impl std::fmt::Display for Warning {
     }
 }
 
+/// What serde says about an unknown key or word ("unknown field `a`, expected one of `b`, `c`"), with the nearest of the known
+/// ones; every other message as it is.
+pub fn with_nearest(message: &str) -> String {
+    let mut quoted = message.split('`').skip(1).step_by(2);
+    let is_unknown = message.contains("unknown field `") || message.contains("unknown variant `");
+    let nearest = match quoted.next() {
+        Some(found) if is_unknown => nearest_names(found, &quoted.collect::<Vec<_>>()),
+        _ => Vec::new(),
+    };
+    match nearest.first() {
+        Some(name) => format!("{message}; did you mean `{name}`?"),
+        None => message.to_owned(),
+    }
+}
+
 /// The known names nearest to `found`, best first, at most three.
 pub fn nearest_names(found: &str, known: &[&str]) -> Vec<String> {
     let mut scored: Vec<(f64, &str)> = known
@@ -98,4 +113,32 @@ pub fn nearest_names(found: &str, known: &[&str]) -> Vec<String> {
         .take(3)
         .map(|(_, name)| name.to_owned())
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn serdes_lists_of_known_keys_gain_the_nearest() {
+        for (message, nearest) in [
+            (
+                "unknown field `lpas`, expected one of `world`, `laps`, `seed`",
+                Some("laps"),
+            ),
+            (
+                "unknown variant `documnet`, expected `document` or `shape`",
+                Some("document"),
+            ),
+            ("unknown field `nmae`, expected one of `sheet`, `camera`", None),
+            ("missing field `world`", None),
+            ("invalid type: string \"a`b\", expected f64", None),
+        ] {
+            let said = with_nearest(message);
+            match nearest {
+                Some(name) => assert!(said.ends_with(&format!("; did you mean `{name}`?")), "{said}"),
+                None => assert_eq!(said, message),
+            }
+        }
+    }
 }

@@ -172,13 +172,22 @@ impl PathSpec {
         } else {
             "pieces"
         };
-        let curve = spec.curve().map_err(|error| {
-            table.problem(
+        let curve = spec.curve().map_err(|error| match (&spec.shape, &error) {
+            (PathShape::Points(points), CurveError::TooFewPoints) => table.problem(
+                key,
+                "at least two distinct points",
+                match points.len() {
+                    0 | 1 => format!("{} in all", points.len()),
+                    count => format!("{count} in the same place"),
+                },
+                "give where the path leads to",
+            ),
+            _ => table.problem(
                 key,
                 "a path with a length",
                 error.to_string(),
                 "check the coordinates",
-            )
+            ),
         })?;
         if !(curve.length_m() > 0.01 && curve.length_m() < FAR_M) {
             return Err(table.problem(

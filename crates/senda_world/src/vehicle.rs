@@ -89,7 +89,7 @@ impl VehicleSpec {
 
     /// Reads a vehicle file.
     pub fn load(path: &Path) -> Result<(Self, Vec<Warning>), WorldError> {
-        let text = read_text(path)?;
+        let text = read_text(path, "vehicle")?;
         Self::parse(&path.display().to_string(), &text)
     }
 

@@ -131,7 +131,7 @@ impl World {
 
     /// Reads a world file.
     pub fn load(path: &Path) -> Result<(Self, Vec<Warning>), WorldError> {
-        let text = read_text(path)?;
+        let text = read_text(path, "world")?;
         Self::parse(&path.display().to_string(), &text)
     }
 
@@ -515,12 +515,24 @@ pub(crate) fn stem(source_name: &str) -> &str {
     name.strip_suffix(".toml").unwrap_or(name)
 }
 
-/// The text of a file, or why not.
-pub(crate) fn read_text(path: &Path) -> Result<String, WorldError> {
+/// The text of a world or vehicle file (`what`), or why not.
+pub(crate) fn read_text(path: &Path, what: &str) -> Result<String, WorldError> {
     let read_error = |reason: String| WorldError::Read {
         file: path.display().to_string(),
         reason,
     };
-    let bytes = std::fs::read(path).map_err(|error| read_error(error.to_string()))?;
-    String::from_utf8(bytes).map_err(|_| read_error("expected UTF-8 text, but found other bytes".to_owned()))
+    let bytes = std::fs::read(path).map_err(|error| {
+        read_error(match error.kind() {
+            std::io::ErrorKind::NotFound => {
+                format!("expected a {what} file, but found no such file; `senda world list` shows the ready {what}s")
+            }
+            _ => format!("expected a {what} file, but it cannot be read: {error}"),
+        })
+    })?;
+    String::from_utf8(bytes).map_err(|error| {
+        read_error(format!(
+            "expected a {what} file (TOML, UTF-8 text), but found other bytes from byte {} on",
+            error.utf8_error().valid_up_to()
+        ))
+    })
 }

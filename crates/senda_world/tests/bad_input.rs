@@ -134,7 +134,13 @@ fn impossible_geometry_is_an_error() {
         "[path]\npoints = [[1, 1], [1, 1]]\n",
         2,
         "path.points",
-        &["distinct points"],
+        &["at least two distinct points, but found 2 in the same place"],
+    );
+    check(
+        "[path]\npoints = [[1, 1]]\n",
+        2,
+        "path.points",
+        &["at least two distinct points, but found 1 in all"],
     );
     check(
         "[path]\npoints = [[1, 1, 1], [1, 1]]\n",

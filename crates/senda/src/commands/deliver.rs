@@ -58,6 +58,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         None => Scenario::new("warehouse", "warehouse-cart", "mission"),
     };
     let scenario = arguments.flags.over(base)?;
+    scenario.check_driver_options(arguments.flags.scenario.as_deref())?;
     check(&scenario)?;
     if let Some(path) = &arguments.scenario_out {
         write_file(path, scenario.to_toml().as_bytes())?;

@@ -205,6 +205,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let mode = Mode::named(&arguments.mode)?;
     let mut scenario = arguments.flags.scenario()?;
     let hands = arguments.hands.prepare(mode, &arguments.flags, &mut scenario)?;
+    scenario.check_driver_options(arguments.flags.scenario.as_deref())?;
     let record = match (&arguments.record, mode.is_training()) {
         (None, true) => Some(PathBuf::from("recordings")),
         (folder, _) => folder.clone(),

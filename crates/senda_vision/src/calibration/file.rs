@@ -142,12 +142,10 @@ impl Reader<'_> {
 
     fn syntax(&self, error: &toml::de::Error) -> CalibrationFileError {
         let message = error.message();
-        let problem = match nearest_key(message) {
-            Some(near) => format!("{message}; did you mean `{near}`?"),
-            None if message.starts_with("missing field") => {
-                format!("{message}; the file is incomplete: calibrate again")
-            }
-            None => message.to_owned(),
+        let problem = if message.starts_with("missing field") {
+            format!("{message}; the file is incomplete: calibrate again")
+        } else {
+            senda_toml::with_nearest(message)
         };
         CalibrationFileError {
             source_name: self.source_name.to_owned(),
@@ -375,21 +373,6 @@ impl Reader<'_> {
         }
         Ok(())
     }
-}
-
-/// The known key nearest to the unknown one in serde's message: "unknown field `a`, expected one of `b`, `c`".
-fn nearest_key(message: &str) -> Option<&str> {
-    let mut quoted = message
-        .strip_prefix("unknown field ")?
-        .split('`')
-        .skip(1)
-        .step_by(2);
-    let unknown = quoted.next()?;
-    quoted
-        .map(|known| (strsim::damerau_levenshtein(unknown, known), known))
-        .filter(|(distance, _)| *distance <= 4)
-        .min_by_key(|(distance, _)| *distance)
-        .map(|(_, known)| known)
 }
 
 #[cfg(test)]

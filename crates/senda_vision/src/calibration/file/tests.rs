@@ -106,6 +106,15 @@ fn unknown_and_missing_keys_are_named_with_their_line() {
     assert!(error.ends_with("did you mean `height_px`?"), "{error}");
     let error = refused(&text.replace("track_m", "trak_m")).to_string();
     assert!(error.contains("did you mean `track_m`?"), "{error}");
+    // The list of known keys is short at the top of the file, and the nearest of them was `sheet`.
+    let error = refused(&format!("nmae = 1\n{text}")).to_string();
+    assert!(
+        error.contains("unknown field `nmae`") && !error.contains("did you mean"),
+        "{error}"
+    );
+    let text_of_lens = calibrated(true).to_toml();
+    let error = refused(&text_of_lens.replace("\nname = ", "\nnmae = ")).to_string();
+    assert!(error.contains("did you mean `name`?"), "{error}");
     let error = refused(&text.replace("width_px = 160\n", "")).to_string();
     assert!(
         error.contains("missing field `width_px`") && error.contains("calibrate again"),
