@@ -86,6 +86,15 @@ pub(crate) fn print(line: &str) -> anyhow::Result<()> {
     writeln!(std::io::stdout(), "{line}").context("cannot print the result")
 }
 
+/// Prints a result: as JSON where that was asked for, else in words.
+pub(crate) fn answer(json: bool, value: &serde_json::Value, words: &str) -> anyhow::Result<()> {
+    if json {
+        print(&serde_json::to_string_pretty(value)?)
+    } else {
+        print(words)
+    }
+}
+
 /// Prints an error and its causes, with the source snippet where there is one.
 pub(crate) fn complain(error: &anyhow::Error) {
     let mut line = format!("error: {error}");

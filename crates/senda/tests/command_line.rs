@@ -299,6 +299,81 @@ fn worlds_are_drawn_made_and_printed() {
     assert!(std::fs::read(at("oval.png")).unwrap().starts_with(b"\x89PNG"));
 }
 
+/// Every command below the given ones, as `senda world list`, with its help.
+fn commands(above: &[&str]) -> Vec<(String, String)> {
+    let help = senda(&[above, &["--help"]].concat()).success();
+    let help = String::from_utf8(help.get_output().stdout.clone()).unwrap();
+    let Some((_, list)) = help.split_once("Commands:\n") else {
+        return vec![(above.join(" "), help)];
+    };
+    list.lines()
+        .take_while(|line| !line.trim().is_empty())
+        .filter_map(|line| line.strip_prefix("  ")?.split(' ').next())
+        .filter(|name| !name.is_empty() && *name != "help")
+        .flat_map(|name| commands(&[above, &[name]].concat()))
+        .collect()
+}
+
+/// `world list`, `calibrate placement` and others printed for people only.
+#[test]
+fn whatever_a_command_prints_for_people_it_gives_as_json_too() {
+    let all = commands(&[]);
+    assert!(all.len() > 35, "{}", all.len());
+    // A page's path, and a file that is TOML already.
+    let without = ["report", "net print"];
+    for (name, help) in &all {
+        assert_eq!(
+            help.contains("--json"),
+            !without.contains(&name.as_str()),
+            "senda {name}"
+        );
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let list = json(&["world", "list", "--json"]);
+    assert!(
+        list["worlds"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .any(|world| world["name"] == "oval")
+    );
+    assert!(list["families"].as_array().unwrap().len() >= 10);
+    let checked = json(&["world", "check", "oval", "--json"]);
+    assert_eq!(checked[0]["closed"], true);
+    let refused = senda(&["world", "check", "oval", text(&at("none.toml")), "--json"]).failure();
+    let refused: serde_json::Value = serde_json::from_slice(&refused.get_output().stdout).unwrap();
+    assert!(refused[1]["error"].as_str().unwrap().contains("none.toml"));
+    let (drawn, made, pages) = (at("o.svg"), at("m.toml"), at("o.pdf"));
+    assert!(json(&["world", "draw", "oval", "--out", text(&drawn), "--json"])["file"].is_string());
+    let random = json(&["world", "random", "--out", text(&made), "--json"]);
+    assert!(random["length_m"].as_f64().unwrap() > 3.9);
+    let print = json(&["world", "print", "oval", "--out", text(&pages), "--json"]);
+    assert!(print["sheets"].as_u64().unwrap() > 3);
+    let table = json(&["calibrate", "placement", "--json"]);
+    assert!(table[0]["far_m"].is_null() && table[0]["near_m"].as_f64().unwrap() > 0.0);
+    let mountings = json(&[
+        "calibrate",
+        "placement",
+        "--near",
+        "0.07",
+        "--far",
+        "0.45",
+        "--json",
+    ]);
+    assert_eq!(mountings.as_array().unwrap().len(), 2);
+    let page = ["--page-px", "219", "--image-px", "480", "--distance", "0.84"];
+    let angle = json(&[&["calibrate", "view-angle", "--json"], &page[..]].concat());
+    assert!((angle["view_rad"].as_f64().unwrap() - 0.739).abs() < 1e-3);
+    let sheet = json(&["calibrate", "sheet", "--out", text(&pages), "--json"]);
+    assert_eq!(sheet["sheet"]["near_square_m"], 0.14);
+    std::fs::write(at("turns.csv"), "100,0.7,9.3\n150,1.2,9.3\n200,1.7,9.3\n").unwrap();
+    let motors = json(&["calibrate", "motors", text(&at("turns.csv")), "--json"]);
+    assert!(motors["slope_per_turnps"].as_f64().unwrap() > 0.0);
+    let networks = json(&["net", "list", "--json"]);
+    assert!(networks[0]["parameters"].as_u64().unwrap() > 0);
+}
+
 /// Only one vehicle could be calibrated: the squares lay outside the others' pictures.
 #[test]
 fn every_ready_vehicle_near_the_floor_can_be_calibrated() {

@@ -1,6 +1,7 @@
 //! `senda calibrate …`: sheet, camera, placement and motors (C1, C2, C11 in SPEC).
 
 use super::write_file;
+use crate::terminal;
 use anyhow::{Context, Result, anyhow, bail};
 use clap::{Args, Subcommand};
 use senda_core::Encoded;
@@ -11,6 +12,7 @@ use senda_vision::calibration::{
     overlay, placement, sheet,
 };
 use senda_world::VehicleSpec;
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -35,6 +37,9 @@ enum What {
         /// Where the near square begins, ahead of the axle (m), instead of where the vehicle's camera sees it
         #[arg(long, value_name = "M")]
         near_square: Option<f64>,
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
     },
     /// Find the sheet in a picture and write the calibration file
     Camera {
@@ -68,6 +73,9 @@ enum What {
         /// Write the picture with the found corners (SVG)
         #[arg(long, value_name = "FILE")]
         overlay: Option<PathBuf>,
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
     },
     /// What a camera sees of the floor, by height and tilt
     Placement {
@@ -83,6 +91,9 @@ enum What {
         /// Wanted far limit (m)
         #[arg(long, requires = "near")]
         far: Option<f64>,
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
     },
     /// The camera's view angle from a page of known size photographed at a known distance
     ViewAngle {
@@ -98,6 +109,9 @@ enum What {
         /// Distance from the lens (m)
         #[arg(long)]
         distance: f64,
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
     },
     /// Fit motor value against wheel speed from measurements with the encoders
     Motors {
@@ -106,6 +120,9 @@ enum What {
         /// Voltage for which the line is given
         #[arg(long, default_value_t = 9.277)]
         volts: f64,
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
     },
 }
 
@@ -116,6 +133,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             landscape,
             vehicle,
             near_square,
+            json,
         } => {
             let page = page(landscape, near_square, &find_vehicle(&vehicle)?)?;
             let bytes = match extension(&out) {
@@ -127,19 +145,20 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 ),
             };
             write_file(&out, &bytes)?;
-            println!(
-                "{}: {}, squares of {:.0} mm from {:.0} and {:.0} mm ahead of the axle; print at 100 % and check the ruler",
+            let paper = if page.page_width_m.max(page.page_length_m) > sheet::A4_LONG_M {
+                "A3"
+            } else {
+                "A4"
+            };
+            let words = format!(
+                "{}: {paper}, squares of {:.0} mm from {:.0} and {:.0} mm ahead of the axle; print at 100 % and check the ruler",
                 out.display(),
-                if page.page_width_m.max(page.page_length_m) > sheet::A4_LONG_M {
-                    "A3"
-                } else {
-                    "A4"
-                },
                 page.square_side_m * 1e3,
                 page.near_square_m * 1e3,
                 page.far_square_m * 1e3
             );
-            Ok(())
+            let value = json!({ "file": out, "paper": paper, "sheet": page });
+            terminal::answer(json, &value, &words)
         }
         What::Camera {
             photo,
@@ -152,6 +171,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             seed,
             out,
             overlay,
+            json,
         } => {
             let spec = find_vehicle(&vehicle)?;
             let page = page(landscape, near_square, &spec)?;
@@ -189,14 +209,24 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             }
             let calibration = result.map_err(with_the_flag)?;
             write_file(&out, calibration.to_toml().as_bytes())?;
-            describe(&calibration, &out);
-            Ok(())
+            let value = json!({
+                "file": out,
+                "position_px": calibration.placement.position_px,
+                "orientation_px": calibration.placement.orientation_px,
+                "limit_px": calibration.placement.limit_px,
+                "rms_px": calibration.reprojection.rms_px,
+                "max_px": calibration.reprojection.max_px,
+                "max_m": calibration.reprojection.max_m,
+                "camera": calibration.camera,
+            });
+            terminal::answer(json, &value, &described(&calibration, &out))
         }
         What::Placement {
             height,
             view_deg,
             near,
             far,
+            json,
         } => {
             let view = view_deg.to_radians();
             if let (Some(near), Some(far)) = (near, far) {
@@ -205,16 +235,24 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                         "no height and tilt let {view_deg}° see from {near} to {far} m: a larger view angle is needed"
                     );
                 };
-                for (height, tilt) in mountings {
-                    println!("height {:.1} cm, tilt {:.1}°", height * 100.0, tilt.to_degrees());
-                }
-                return Ok(());
+                let words = mountings.map(|(height, tilt)| {
+                    format!("height {:.1} cm, tilt {:.1}°", height * 100.0, tilt.to_degrees())
+                });
+                let value = mountings.map(|(height, tilt)| json!({ "height_m": height, "tilt_rad": tilt }));
+                return terminal::answer(json, &json!(value), &words.join("\n"));
+            }
+            let rows = placement::table(height, view, 1f64.to_radians());
+            if json {
+                // A far limit that is no number: the horizon.
+                let row = |row: &placement::TiltRow| json!({ "tilt_rad": row.tilt_rad, "near_m": row.view.near_m, "far_m": row.view.far_m });
+                let rows: Vec<_> = rows.iter().map(row).collect();
+                return terminal::print(&serde_json::to_string_pretty(&rows)?);
             }
             println!(
                 "height {:.1} cm, vertical view {view_deg}°\n  tilt   sees from      to",
                 height * 100.0
             );
-            for row in placement::table(height, view, 1f64.to_radians()) {
+            for row in rows {
                 let far_m = row.view.far_m;
                 let far = if far_m.is_finite() {
                     format!("{:.1} cm", far_m * 100.0)
@@ -234,22 +272,34 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             image_px,
             page,
             distance,
+            json,
         } => {
             let angle = placement::view_angle_rad(page_px, image_px, page, distance)
                 .context("expected sizes and a distance above 0, and a page not larger than the picture")?;
-            println!("{:.1}°", angle.to_degrees());
-            Ok(())
+            let words = format!("{:.1}°", angle.to_degrees());
+            terminal::answer(json, &json!({ "view_rad": angle }), &words)
         }
-        What::Motors { measurements, volts } => {
+        What::Motors {
+            measurements,
+            volts,
+            json,
+        } => {
             let text = std::fs::read_to_string(&measurements)
                 .with_context(|| format!("cannot read {}", measurements.display()))?;
             let rows = parse_measurements(&measurements, &text)?;
             let fit = MotorLine::fit(&rows, volts)?;
-            println!(
+            let words = format!(
                 "value = {:.4} · turns/s + {:.4} at {volts} V  ({} measurements, {:.2} RMS)",
                 fit.line.value_per_revps, fit.line.value_at_rest, fit.measurements, fit.rms_value
             );
-            Ok(())
+            let value = json!({
+                "slope_per_turnps": fit.line.value_per_revps,
+                "intercept": fit.line.value_at_rest,
+                "reference_v": volts,
+                "measurements": fit.measurements,
+                "rms_value": fit.rms_value,
+            });
+            terminal::answer(json, &value, &words)
         }
     }
 }
@@ -303,26 +353,26 @@ fn read_picture(path: &Path) -> Result<(senda_core::Image, Encoded)> {
     Ok((image, encoded))
 }
 
-fn describe(calibration: &Calibration, out: &Path) {
-    let placement = &calibration.placement;
-    println!(
-        "position {:+.1} px, orientation {:+.1} px (accepted up to {:.1} px)",
-        placement.position_px, placement.orientation_px, placement.limit_px
-    );
-    println!(
-        "corners fit to {:.2} px on average, {:.2} px at most ({:.1} mm on the floor)",
-        calibration.reprojection.rms_px,
-        calibration.reprojection.max_px,
-        calibration.reprojection.max_m * 1e3
+fn described(calibration: &Calibration, out: &Path) -> String {
+    let (placement, fit) = (&calibration.placement, &calibration.reprojection);
+    let mut words = format!(
+        "position {:+.1} px, orientation {:+.1} px (accepted up to {:.1} px)\n\
+         corners fit to {:.2} px on average, {:.2} px at most ({:.1} mm on the floor)\n",
+        placement.position_px,
+        placement.orientation_px,
+        placement.limit_px,
+        fit.rms_px,
+        fit.max_px,
+        fit.max_m * 1e3
     );
     if let Some(camera) = &calibration.camera {
-        println!(
-            "camera: height {:.1} cm, tilt {:.1}°",
+        words += &format!(
+            "camera: height {:.1} cm, tilt {:.1}°\n",
             camera.mounting.z_m * 100.0,
             camera.mounting.tilt_rad.to_degrees()
         );
     }
-    println!("calibration: {}", out.display());
+    words + &format!("calibration: {}", out.display())
 }
 
 fn parse_measurements(path: &Path, text: &str) -> Result<Vec<Measurement>> {

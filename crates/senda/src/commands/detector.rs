@@ -64,6 +64,9 @@ enum Command {
         model: PathBuf,
         /// Folder to write into
         folder: PathBuf,
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
     },
 }
 
@@ -85,7 +88,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             out,
             json,
         } => find(&model, &picture, threshold, out.as_deref(), json),
-        Command::Export { model, folder } => train::export(&model, &folder),
+        Command::Export { model, folder, json } => train::export(&model, &folder, json),
     }
 }
 

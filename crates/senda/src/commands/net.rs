@@ -14,7 +14,11 @@ pub(crate) struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// Names of the ready networks
-    List,
+    List {
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
+    },
     /// Layers, shapes, parameters and multiply-adds
     Show {
         /// Ready network or network file
@@ -32,7 +36,20 @@ enum Command {
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     match arguments.command {
-        Command::List => {
+        Command::List { json } => {
+            if json {
+                let mut all = Vec::new();
+                for name in Network::names() {
+                    let network = Network::named(name)?;
+                    all.push(serde_json::json!({
+                        "name": name,
+                        "parameters": network.parameter_count(),
+                        "multiply_adds": network.multiply_adds(),
+                        "description": network.description(),
+                    }));
+                }
+                return crate::terminal::print(&serde_json::to_string_pretty(&all)?);
+            }
             for name in Network::names() {
                 let network = Network::named(name)?;
                 println!(

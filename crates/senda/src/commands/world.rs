@@ -1,6 +1,7 @@
 //! `senda world …`: list, check, draw, make and print worlds.
 
 use super::write_file;
+use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand};
 use senda_run::{random, scenario::find_world};
@@ -9,6 +10,7 @@ use senda_world::{
     draw::{self, Ink, Paper, Print, PrintOptions},
     paint,
 };
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -20,7 +22,11 @@ pub(crate) struct Arguments {
 #[derive(Subcommand)]
 enum What {
     /// Names of ready worlds, vehicles, floors, lights and random families
-    List,
+    List {
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
+    },
     /// Read a world file and say what is wrong with it
     Check {
         /// World files, or names of ready worlds
@@ -29,6 +35,9 @@ enum What {
         /// Vehicle that should fit
         #[arg(long)]
         vehicle: Option<String>,
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
     },
     /// Draw a world: SVG as a plan, PNG as it looks from above
     Draw {
@@ -46,6 +55,9 @@ enum What {
         /// Light instead of the world's own
         #[arg(long)]
         light: Option<String>,
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
     },
     /// Make a world from a seed
     Random {
@@ -64,6 +76,9 @@ enum What {
         /// Where to write it
         #[arg(long, value_name = "FILE")]
         out: PathBuf,
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
     },
     /// Make a road lap from way points: one x,y a line, metres, in driving order
     FromWaypoints {
@@ -81,6 +96,9 @@ enum What {
         /// Where to write the world
         #[arg(short, long, value_name = "FILE")]
         out: PathBuf,
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
     },
     /// Print a warehouse's codes, number signs and crossings at true scale
     Boards {
@@ -92,6 +110,9 @@ enum What {
         /// a4 or a3
         #[arg(long, default_value = "a4")]
         paper: String,
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
     },
     /// Print a world at true scale, to tape it on a floor
     Print {
@@ -109,22 +130,23 @@ enum What {
         /// Edges only, to lay tape on
         #[arg(long)]
         outline: bool,
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
     },
 }
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     match arguments.what {
-        What::List => {
-            list();
-            Ok(())
-        }
-        What::Check { files, vehicle } => check(&files, vehicle.as_deref()),
+        What::List { json } => list(json),
+        What::Check { files, vehicle, json } => check(&files, vehicle.as_deref(), json),
         What::Draw {
             world,
             out,
             resolution,
             floor,
             light,
+            json,
         } => {
             let mut world = find_world(&world)?;
             if let Some(floor) = floor {
@@ -149,8 +171,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 ),
             };
             write_file(&out, &bytes)?;
-            println!("{}", out.display());
-            Ok(())
+            terminal::answer(json, &json!({ "file": out }), &out.display().to_string())
         }
         What::Random {
             seed,
@@ -158,6 +179,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             min_radius,
             length,
             out,
+            json,
         } => {
             let Some(mut difficulty) = random::difficulty(&family) else {
                 let known: Vec<&str> = random::FAMILIES.iter().map(|(name, _)| *name).collect();
@@ -169,7 +191,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                         "--min-radius, --length: expected another family, for {family} has its own measures"
                     );
                 }
-                return write_world(&find_world(&format!("{family}:{seed}"))?, &out);
+                return write_world(&find_world(&format!("{family}:{seed}"))?, &out, json);
             };
             difficulty.min_radius_m = min_radius.unwrap_or(difficulty.min_radius_m);
             if let Some(length) = length {
@@ -179,7 +201,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 difficulty.length_m = [*least, *most];
             }
             let world = World::random_within(seed, &difficulty).context("--length, --min-radius")?;
-            write_world(&world, &out)
+            write_world(&world, &out, json)
         }
         What::FromWaypoints {
             file,
@@ -187,6 +209,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             reverse,
             seed,
             out,
+            json,
         } => {
             if !(scale.is_finite() && scale > 0.0) {
                 bail!("--scale {scale}: expected metres in the file's unit, above 0");
@@ -198,9 +221,14 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             for warning in warnings {
                 eprintln!("warning: {warning}");
             }
-            write_world(&if reverse { world.reversed() } else { world }, &out)
+            write_world(&if reverse { world.reversed() } else { world }, &out, json)
         }
-        What::Boards { world, out, paper } => {
+        What::Boards {
+            world,
+            out,
+            paper,
+            json,
+        } => {
             let world = find_world(&world)?;
             let pdf = draw::boards(&world, paper_named(&paper)?).with_context(|| {
                 format!(
@@ -209,8 +237,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 )
             })?;
             write_file(&out, &pdf)?;
-            println!("{}: print at 100 % and check the ruler", out.display());
-            Ok(())
+            let words = format!("{}: print at 100 % and check the ruler", out.display());
+            terminal::answer(json, &json!({ "file": out }), &words)
         }
         What::Print {
             world,
@@ -218,6 +246,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             paper,
             landscape,
             outline,
+            json,
         } => {
             let world = find_world(&world)?;
             let paper = paper_named(&paper)?;
@@ -242,11 +271,12 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                     out.display()
                 ),
             }
-            println!(
+            let words = format!(
                 "{}: {count} sheets ({columns} x {rows}); print at 100 % and check the ruler",
                 out.display()
             );
-            Ok(())
+            let value = json!({ "path": out, "sheets": count, "columns": columns, "rows": rows });
+            terminal::answer(json, &value, &words)
         }
     }
 }
@@ -259,28 +289,58 @@ fn paper_named(name: &str) -> Result<Paper> {
     }
 }
 
-fn write_world(world: &World, out: &Path) -> Result<()> {
+fn write_world(world: &World, out: &Path, json: bool) -> Result<()> {
     write_file(out, world.to_toml().as_bytes())?;
-    println!("{}: {:.2} m", out.display(), world.path.length_m());
-    Ok(())
+    let length_m = world.path.length_m();
+    let value = json!({ "file": out, "length_m": length_m });
+    terminal::answer(json, &value, &format!("{}: {length_m:.2} m", out.display()))
 }
 
-fn list() {
+fn list(json: bool) -> Result<()> {
+    let pair = |(name, description): (&str, String)| (name.to_owned(), description);
+    let worlds = World::names().map(|name| {
+        let world = World::named(name);
+        (name, world.map(|world| world.description).unwrap_or_default())
+    });
+    let vehicles = VehicleSpec::names().map(|name| {
+        let vehicle = VehicleSpec::named(name);
+        (
+            name,
+            vehicle.map(|vehicle| vehicle.description).unwrap_or_default(),
+        )
+    });
+    let worlds: Vec<_> = worlds.map(pair).collect();
+    let vehicles: Vec<_> = vehicles.map(pair).collect();
+    if json {
+        let listed = |pairs: &[(String, String)]| -> Vec<Value> {
+            let one =
+                |(name, description): &(String, String)| json!({ "name": name, "description": description });
+            pairs.iter().map(one).collect()
+        };
+        let fixed = |pairs: &[(&str, &str)]| -> Vec<Value> {
+            let one =
+                |(name, description): &(&str, &str)| json!({ "name": name, "description": description });
+            pairs.iter().map(one).collect()
+        };
+        let all = json!({
+            "worlds": listed(&worlds),
+            "families": fixed(&random::FAMILIES),
+            "vehicles": listed(&vehicles),
+            "floors": FLOOR_PRESETS,
+            "lights": LIGHT_PRESETS,
+            "drivers": fixed(&senda_run::pilot::DRIVERS),
+        });
+        return terminal::print(&serde_json::to_string_pretty(&all)?);
+    }
     println!("worlds");
-    for name in World::names() {
-        let description = World::named(name)
-            .map(|world| world.description)
-            .unwrap_or_default();
+    for (name, description) in worlds {
         println!("  {name:22} {description}");
     }
     for (name, description) in random::FAMILIES {
         println!("  {:22} {description}", format!("{name}:SEED"));
     }
     println!("\nvehicles");
-    for name in VehicleSpec::names() {
-        let description = VehicleSpec::named(name)
-            .map(|vehicle| vehicle.description)
-            .unwrap_or_default();
+    for (name, description) in vehicles {
         println!("  {name:22} {description}");
     }
     println!("\nfloors   {}", FLOOR_PRESETS.join(", "));
@@ -289,11 +349,13 @@ fn list() {
     for (name, description) in senda_run::pilot::DRIVERS {
         println!("  {name:22} {description}");
     }
+    Ok(())
 }
 
-fn check(files: &[PathBuf], vehicle: Option<&str>) -> Result<()> {
+fn check(files: &[PathBuf], vehicle: Option<&str>, json: bool) -> Result<()> {
     let vehicle = vehicle.map(senda_run::scenario::find_vehicle).transpose()?;
     let mut broken = 0;
+    let mut all = Vec::new();
     for file in files {
         let loaded = match file.to_str() {
             Some(name) if !file.exists() => find_world(name)
@@ -306,11 +368,18 @@ fn check(files: &[PathBuf], vehicle: Option<&str>) -> Result<()> {
                 if let Some(vehicle) = &vehicle {
                     warnings.extend(world.check_vehicle(vehicle));
                 }
-                let closed = if world.path.is_closed() { "closed" } else { "open" };
+                let (length_m, is_closed) = (world.path.length_m(), world.path.is_closed());
+                if json {
+                    let warnings: Vec<String> = warnings.iter().map(ToString::to_string).collect();
+                    all.push(json!({
+                        "file": file, "length_m": length_m, "closed": is_closed, "warnings": warnings,
+                    }));
+                    continue;
+                }
                 println!(
-                    "{}: {:.2} m, {closed}, {} warning{}",
+                    "{}: {length_m:.2} m, {}, {} warning{}",
                     file.display(),
-                    world.path.length_m(),
+                    if is_closed { "closed" } else { "open" },
                     warnings.len(),
                     if warnings.len() == 1 { "" } else { "s" }
                 );
@@ -320,9 +389,16 @@ fn check(files: &[PathBuf], vehicle: Option<&str>) -> Result<()> {
             }
             Err(error) => {
                 broken += 1;
-                crate::terminal::complain(&error);
+                if json {
+                    all.push(json!({ "file": file, "error": format!("{error:#}") }));
+                } else {
+                    terminal::complain(&error);
+                }
             }
         }
+    }
+    if json {
+        terminal::print(&serde_json::to_string_pretty(&all)?)?;
     }
     if broken > 0 {
         bail!("{broken} of {} worlds cannot be used", files.len());

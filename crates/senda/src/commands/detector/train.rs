@@ -214,7 +214,7 @@ fn begin(arguments: &Arguments, classes: &[String], seed: u64) -> Result<Model> 
 }
 
 /// Writes darknet's files.
-pub(super) fn export(path: &Path, folder: &Path) -> Result<()> {
+pub(super) fn export(path: &Path, folder: &Path, json: bool) -> Result<()> {
     let model = Model::load(path)?;
     let Some(detection) = model.detection.clone() else {
         bail!(
@@ -233,13 +233,14 @@ pub(super) fn export(path: &Path, folder: &Path) -> Result<()> {
         seen: 0,
         convolutions: 0,
     };
+    let mut files = Vec::new();
     for (name, bytes) in [
         ("detector.cfg", darknet.to_cfg()?.into_bytes()),
         ("detector.weights", weights.to_bytes(&model.network)?),
         ("detector.names", names.into_bytes()),
     ] {
         write_file(&folder.join(name), &bytes)?;
-        println!("{}", folder.join(name).display());
+        files.push(folder.join(name).display().to_string());
     }
-    Ok(())
+    terminal::answer(json, &serde_json::json!({ "files": files }), &files.join("\n"))
 }
