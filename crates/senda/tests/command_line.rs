@@ -90,6 +90,16 @@ fn a_recording_cut_short_is_read_up_to_the_break() {
 }
 
 #[test]
+fn a_speed_beyond_the_vehicles_is_warned_of() {
+    senda(&[&["drive", "--speed", "5"], &SHORT[..]].concat())
+        .success()
+        .stderr(predicate::str::contains("gopigo goes 0.40 m/s at most"));
+    senda(&[&["drive", "--speed", "0.2"], &SHORT[..]].concat())
+        .success()
+        .stderr(predicate::str::contains("at most").not());
+}
+
+#[test]
 fn mistakes_are_answered_with_what_to_do() {
     senda(&["drive", "--world", "ovall"])
         .failure()

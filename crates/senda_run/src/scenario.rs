@@ -129,6 +129,19 @@ impl Scenario {
         own_file::load(path, &SCENARIO_FILE)
     }
 
+    /// What to say to whoever asks for a higher speed than the vehicle's highest.
+    pub fn speed_note(&self) -> Result<Option<String>, RunError> {
+        let vehicle = find_vehicle(&self.vehicle)?;
+        let most_mps = vehicle.speed_limit_mps;
+        let wanted_mps = self.speed_mps.filter(|wanted_mps| *wanted_mps > most_mps);
+        Ok(wanted_mps.map(|wanted_mps| {
+            format!(
+                "a speed of {wanted_mps} m/s was asked for, but {} goes {most_mps:.2} m/s at most: it drives as for that",
+                vehicle.name
+            )
+        }))
+    }
+
     /// Refuses options that the driver does not know. Where they stand in the scenario's file, its line is named.
     pub fn check_driver_options(&self, file: Option<&Path>) -> Result<(), RunError> {
         let Err(refused) = pilot::check_options(&self.driver, &self.driver_options) else {
@@ -419,6 +432,20 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(plan.contains("expected a sweep plan"), "{plan}");
+    }
+
+    #[test]
+    fn a_speed_that_the_vehicle_has_not_is_noted() {
+        let mut scenario = Scenario::new("oval", "gopigo", "line");
+        assert_eq!(scenario.speed_note().unwrap(), None);
+        scenario.speed_mps = Some(0.4);
+        assert_eq!(scenario.speed_note().unwrap(), None);
+        scenario.speed_mps = Some(5.0);
+        let note = scenario.speed_note().unwrap().unwrap();
+        assert!(
+            note.contains("5 m/s") && note.contains("gopigo goes 0.40 m/s at most"),
+            "{note}"
+        );
     }
 
     #[test]

@@ -25,6 +25,7 @@ pub(crate) mod world;
 use anyhow::{Context, Result};
 use senda_core::whole_file;
 use senda_nets::Model;
+use senda_run::Scenario;
 use std::path::Path;
 
 /// Writes a file whole or not at all: a full disk must not leave half a report over a good one.
@@ -35,6 +36,14 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     }
     whole_file::replace(path, |file| file.write_all(bytes))
         .with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// Warns of a speed that the vehicle does not have; on standard error, so that results stay alone on standard output.
+pub(crate) fn warn_of_speed(scenario: &Scenario) -> Result<()> {
+    if let Some(note) = scenario.speed_note()? {
+        crate::terminal::tell(&format!("warning: {note}"));
+    }
+    Ok(())
 }
 
 /// Writes a model. One that lies there already is put aside as `NAME.earlier`: it may have cost hours.
