@@ -541,7 +541,8 @@ pub fn compare(answers: &[f32], targets: &[f32], outputs: usize) -> Errors {
     let squared: f64 = answers
         .iter()
         .zip(targets)
-        .map(|(a, t)| (f64::from(*a) - f64::from(*t)).powi(2))
+        .map(|(a, t)| f64::from(*a) - f64::from(*t))
+        .map(|off| off * off)
         .sum();
     let first =
         |values: &[f32]| -> Vec<f64> { values.iter().step_by(outputs).map(|v| f64::from(*v)).collect() };

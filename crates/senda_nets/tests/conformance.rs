@@ -88,13 +88,17 @@ fn gradients_agree_with_differences() {
             let own = &gradient[at..at + tensor.len()];
             at += tensor.len();
             // Along the gradient of one tensor the loss changes most, and rounding matters least.
-            let norm = own.iter().map(|g| f64::from(*g).powi(2)).sum::<f64>().sqrt();
+            let norm = own
+                .iter()
+                .map(|g| f64::from(*g) * f64::from(*g))
+                .sum::<f64>()
+                .sqrt();
             assert!(norm > 1e-7, "{name}: {} has no gradient", tensor.name);
             let other = values(90 + number as u64, own.len());
             for direction in [own.to_vec(), other] {
                 let length = direction
                     .iter()
-                    .map(|d| f64::from(*d).powi(2))
+                    .map(|d| f64::from(*d) * f64::from(*d))
                     .sum::<f64>()
                     .sqrt();
                 let shifted = |sign: f64, step: f64| {
@@ -309,7 +313,7 @@ fn batch_norms_learn_the_statistics_of_their_input() {
         .flat_map(|image| image[..4].to_vec())
         .collect();
     let mean = own.iter().sum::<f32>() / own.len() as f32;
-    let variance = own.iter().map(|x| (x - mean).powi(2)).sum::<f32>() / own.len() as f32;
+    let variance = own.iter().map(|x| (x - mean) * (x - mean)).sum::<f32>() / own.len() as f32;
     let tensor = |name: &str| network.tensors().find(|t| t.name.ends_with(name)).unwrap().offset;
     let weights = &trainer.weights().values;
     assert!((weights[tensor("running_mean")] - mean).abs() < 1e-4);

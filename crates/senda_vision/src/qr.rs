@@ -26,7 +26,8 @@ impl QrCode {
         (0..4)
             .map(|i| {
                 let (a, b) = (self.corners_px[i], self.corners_px[(i + 1) % 4]);
-                ((a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2)).sqrt()
+                let (x, y) = (a[0] - b[0], a[1] - b[1]);
+                (x * x + y * y).sqrt()
             })
             .fold(0.0, f32::max)
     }

@@ -79,7 +79,7 @@ fn a_junctions_far_line_continues_the_near_one() {
             let ahead_m = 0.27 + 0.005 * f64::from(i);
             // Straight for a while, then to the right.
             let right_m = if ahead_m > 0.42 {
-                2.5 * (ahead_m - 0.42).powi(2)
+                2.5 * (ahead_m - 0.42) * (ahead_m - 0.42)
             } else {
                 0.0
             };

@@ -267,7 +267,8 @@ fn lake(dice: &mut Dice, path: &Curve, bridge: Span) -> Vec<Area> {
                 part * (right_m + grow_m)
             };
             let broad = half_m * (1.0 + 0.6 * wide * part.abs() * (1.0 - part.abs()) * 4.0);
-            (away_m, (broad + grow_m) * (1.0 - part.abs().powi(4) * 0.75))
+            let square = part * part;
+            (away_m, (broad + grow_m) * (1.0 - square * square * 0.75))
         };
         let parts = [-1.0, -0.7, -0.35, 0.0, 0.35, 0.7, 1.0];
         let point = |(away_m, along_m): (f64, f64), side: f64| {
