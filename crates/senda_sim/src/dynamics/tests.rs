@@ -33,7 +33,7 @@ fn a_unicycle_drives_a_circle_of_radius_speed_by_yaw_rate() {
     let mut dynamics = at_rest(&ideal(DIFFERENTIAL, ""));
     for _ in 0..7 {
         let pose = run(&mut dynamics, Command::yaw_rate(0.8, 0.2), 0.55).world_from_vehicle;
-        let from_centre = (pose.x_m.powi(2) + (pose.y_m - 0.25).powi(2)).sqrt();
+        let from_centre = senda_geom::trig::hypot(pose.x_m, pose.y_m - 0.25);
         assert!((from_centre - 0.25).abs() < 1e-9, "{from_centre}");
     }
 }
@@ -55,7 +55,7 @@ fn a_car_drives_a_circle_of_radius_wheelbase_by_tangent() {
     let radius_m = 0.2 / trig::tan(0.3);
     for _ in 0..9 {
         let pose = run(&mut dynamics, Command::steering(0.3, 0.5), 0.35).world_from_vehicle;
-        let from_centre = (pose.x_m.powi(2) + (pose.y_m - radius_m).powi(2)).sqrt();
+        let from_centre = senda_geom::trig::hypot(pose.x_m, pose.y_m - radius_m);
         assert!((from_centre - radius_m).abs() < 1e-9);
     }
     let state = run(&mut dynamics, Command::steering(2.0, 0.5), 0.1);
