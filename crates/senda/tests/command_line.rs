@@ -422,18 +422,31 @@ fn every_ready_vehicle_near_the_floor_can_be_calibrated() {
         .stderr(predicate::str::contains("--near-square"));
 }
 
+/// The command's delay was not the study's own, and none of the document's findings (C13) showed.
 #[test]
-fn the_study_shows_where_the_controller_becomes_unstable() {
-    senda(&[
-        "study",
-        "follow",
-        "--kp",
-        "1.1,2.6",
-        "--look-ahead",
-        "0.1",
-        "--delay",
-        "0.4",
-    ])
-    .success()
-    .stdout(predicate::str::contains("converges").and(predicate::str::contains("unstable")));
+fn the_study_shows_by_itself_what_the_document_found() {
+    let traces = json(&["study", "follow", "--json"]);
+    let verdicts = |kp: f64, look_ahead_m: f64| -> Vec<String> {
+        let of = traces
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter(|trace| trace["gains"]["kp_per_s"] == kp && trace["look_ahead_m"] == look_ahead_m);
+        of.map(|trace| trace["verdict"].as_str().unwrap().to_owned())
+            .collect()
+    };
+    assert_eq!(verdicts(1.1, 0.4), ["converges", "converges"]);
+    // Unstable above Kp 2.5 and at a small look-ahead, slow at one of 100 cm.
+    for swings in [verdicts(3.0, 0.4), verdicts(1.1, 0.05)].concat() {
+        assert!(["oscillates", "unstable"].contains(&swings.as_str()), "{swings}");
+    }
+    assert!(verdicts(1.1, 1.0).contains(&"slow".to_owned()));
+    let output = senda(&["study", "follow"]).success();
+    let told = String::from_utf8_lossy(&output.get_output().stdout).into_owned();
+    let gain: f64 = told
+        .lines()
+        .find(|line| line.starts_with("At L = 40 cm"))
+        .and_then(|line| line.trim_end_matches('.').rsplit(' ').next()?.parse().ok())
+        .unwrap();
+    assert!((gain - 2.5).abs() < 0.1, "{told}");
 }

@@ -26,7 +26,7 @@ struct Follow {
     #[arg(long, value_delimiter = ',', default_value = "-21.5:44.6,4:12", allow_hyphen_values = true, value_parser = parse_start)]
     starts: Vec<Start>,
     /// Proportional gains (1/s)
-    #[arg(long, value_delimiter = ',', default_value = "0.9,1.1,1.3")]
+    #[arg(long, value_delimiter = ',', default_value = "1.1,3")]
     kp: Vec<f64>,
     /// Integral gains (1/s²)
     #[arg(long, value_delimiter = ',', default_value = "0")]
@@ -38,21 +38,21 @@ struct Follow {
     #[arg(
         long = "look-ahead",
         value_delimiter = ',',
-        default_value = "0.4",
+        default_value = "0.05,0.4,1",
         value_name = "M"
     )]
     look_ahead: Vec<f64>,
     /// Speed (m/s)
-    #[arg(long, default_value_t = 0.07)]
+    #[arg(long, default_value_t = StudyOptions::default().speed_mps)]
     speed: f64,
     /// Time between pictures (s)
-    #[arg(long, default_value_t = 0.2)]
+    #[arg(long, default_value_t = StudyOptions::default().period_s)]
     period: f64,
-    /// Time from picture to wheels (s)
-    #[arg(long, default_value_t = 0.2)]
+    /// Time from picture to wheels (s); it decides above which Kp swings grow
+    #[arg(long, default_value_t = StudyOptions::default().delay_s)]
     delay: f64,
     /// Duration of each run (s)
-    #[arg(long, default_value_t = 30.0)]
+    #[arg(long, default_value_t = StudyOptions::default().duration_s)]
     duration: f64,
     /// Bias of the measured distance (m)
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
@@ -155,10 +155,21 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             verdict(trace.verdict),
         );
     }
-    if flags.form == Form::Document
-        && let Some(gain) = study::critical_gain(&options)
-    {
-        println!("\nWith these times and the first look-ahead, small errors grow above Kp = {gain:.2}.");
+    println!();
+    if flags.form != Form::Document {
+        return Ok(());
+    }
+    for look_ahead_m in &flags.look_ahead {
+        let one = StudyOptions {
+            look_ahead_m: vec![*look_ahead_m],
+            ..options.clone()
+        };
+        if let Some(gain) = study::critical_gain(&one) {
+            let length_cm = look_ahead_m * 100.0;
+            println!(
+                "At L = {length_cm:.0} cm and with these times, small errors grow above Kp = {gain:.2}."
+            );
+        }
     }
     Ok(())
 }
