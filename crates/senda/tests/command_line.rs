@@ -450,3 +450,37 @@ fn the_study_shows_by_itself_what_the_document_found() {
         .unwrap();
     assert!((gain - 2.5).abs() < 0.1, "{told}");
 }
+
+#[test]
+fn the_study_says_what_it_calls_settled_and_where_it_rests() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("study.html");
+    let biased = [
+        "study",
+        "follow",
+        "--kp",
+        "1.1",
+        "--look-ahead",
+        "0.4",
+        "--d-bias",
+        "0.07",
+    ];
+    senda(&[&biased[..], &["--report", text(&report)]].concat())
+        .success()
+        .stdout(
+            predicate::str::contains("beside the line, d -7.0 cm")
+                .and(predicate::str::contains("within 1 cm of where the course rests"))
+                .and(predicate::str::contains("converges").not()),
+        );
+    assert!(
+        std::fs::read_to_string(&report)
+            .unwrap()
+            .contains("within 1 cm of where the course rests")
+    );
+    let trace = json(&[&biased[..], &["--json"]].concat())[0].clone();
+    assert_eq!(
+        (&trace["verdict"], &trace["settled_d_m"]),
+        (&"beside".into(), &0.01.into())
+    );
+    assert!((trace["rest_d_m"].as_f64().unwrap() + 0.07).abs() < 1e-6);
+}

@@ -95,8 +95,10 @@ impl Default for StudyOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// Within 1 cm and 2° (plus three standard deviations of the noise and the bias) of the line, and stays there.
+    /// Comes within [`SETTLED_D_M`] and [`SETTLED_THETA_RAD`] of the line and stays there.
     Converges,
+    /// Comes as near to a place beside the line and stays there: a bias or a curve draws it away ([`Trace::rest_d_m`]).
+    Beside,
     /// Comes nearer, but is not there when the study ends.
     Slow,
     /// Neither comes nearer nor goes away.
@@ -122,7 +124,14 @@ pub struct Trace {
     pub theta_rad: Vec<f64>,
     /// Yaw rate asked for at these moments (rad/s, left positive).
     pub omega_radps: Vec<f64>,
-    /// From when on it stays within 1 cm and 2° (s).
+    /// True d where this controller rests (m): 0 is the line itself. A measurement with a bias moves it, and so does a curve
+    /// that the controller does not know.
+    pub rest_d_m: f64,
+    /// How near to `rest_d_m` the true d must be to count as settled (m): [`SETTLED_D_M`], however noisy the measurement.
+    pub settled_d_m: f64,
+    /// How small the true |θ| must be as well (rad): [`SETTLED_THETA_RAD`].
+    pub settled_theta_rad: f64,
+    /// From when on the true state stays within these limits (s).
     pub settle_time_s: Option<f64>,
     /// How far it goes past the line to the other side (m, not negative).
     pub overshoot_m: f64,
@@ -265,6 +274,9 @@ fn run(options: &StudyOptions, start: Start, gains: PidGains, look_ahead_m: f64)
         d_m: Vec::with_capacity(steps),
         theta_rad: Vec::with_capacity(steps),
         omega_radps: Vec::with_capacity(steps),
+        rest_d_m: rest(options, follow).unwrap_or(0.0),
+        settled_d_m: SETTLED_D_M,
+        settled_theta_rad: SETTLED_THETA_RAD,
         settle_time_s: None,
         overshoot_m: 0.0,
         largest_d_m: 0.0,
@@ -311,6 +323,51 @@ fn run(options: &StudyOptions, start: Start, gains: PidGains, look_ahead_m: f64)
     trace
 }
 
+/// True d at which the vehicle runs along the line and the controller asks for nothing but the line's own turn (m), by
+/// bisection. `None` where there is no such place.
+fn rest(options: &StudyOptions, follow: FollowOptions) -> Option<f64> {
+    let curvature_per_m = options.curvature_per_m;
+    // What integrates ends with no error of the angle, whatever the turn.
+    let integrates = options.form == Form::Document && follow.pid.ki_per_s2 > 0.0;
+    let proportional = FollowOptions {
+        pid: PidGains {
+            ki_per_s2: 0.0,
+            kd: 0.0,
+            ..follow.pid
+        },
+        ..follow
+    };
+    let excess_radps = |d_m: f64| {
+        let measured = LineState {
+            d_m: d_m + options.d_bias_m,
+            theta_rad: options.theta_bias_rad,
+            curvature_per_m,
+        };
+        let asked = Follower::unlimited(options.form, proportional)
+            .step(measured, options.speed_mps, options.period_s)
+            .yaw_rate_radps;
+        let needed = curvature_per_m * options.speed_mps / (1.0 + curvature_per_m * d_m);
+        asked - if integrates { 0.0 } else { needed }
+    };
+    // Far enough for any bias, and never as far as a circle's centre.
+    let reach_m = (10.0 * follow.look_ahead_m + 2.0 * options.d_bias_m.abs())
+        .max(1.0)
+        .min(0.5 / curvature_per_m.abs().max(1e-9));
+    let (mut low, mut high) = (-reach_m, reach_m);
+    if !(excess_radps(low) < 0.0 && excess_radps(high) > 0.0) {
+        return None;
+    }
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if excess_radps(middle) < 0.0 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    Some(0.5 * (low + high))
+}
+
 /// The kinematics d' = v·sin θ, θ' = κ·(nearest point's speed) - ω, in steps of at most 5 ms (midpoint rule).
 fn advance(state: LineState, speed_mps: f64, omega_radps: f64, time_s: f64) -> LineState {
     if !(time_s > 0.0) {
@@ -345,9 +402,10 @@ fn judge(trace: &mut Trace, options: &StudyOptions) {
     trace.largest_theta_rad = largest(&trace.theta_rad);
     let side = trace.start.d_m.signum();
     trace.overshoot_m = trace.d_m.iter().fold(0.0f64, |most, d| most.max(-side * d));
-    let d_limit = SETTLED_D_M + options.d_bias_m.abs() + 3.0 * options.d_noise_m;
-    let theta_limit = SETTLED_THETA_RAD + options.theta_bias_rad.abs() + 3.0 * options.theta_noise_rad;
-    let outside = |i: &usize| trace.d_m[*i].abs() > d_limit || trace.theta_rad[*i].abs() > theta_limit;
+    let outside = |i: &usize| {
+        (trace.d_m[*i] - trace.rest_d_m).abs() > trace.settled_d_m
+            || trace.theta_rad[*i].abs() > trace.settled_theta_rad
+    };
     let last_outside = (0..trace.time_s.len()).rev().find(outside);
     trace.settle_time_s = match last_outside {
         None => Some(0.0),
@@ -359,8 +417,13 @@ fn judge(trace: &mut Trace, options: &StudyOptions) {
     let settled = trace
         .settle_time_s
         .is_some_and(|time_s| time_s < 0.9 * options.duration_s);
-    trace.verdict = if turned_round || (!settled && late > 1.05 * early) {
+    // Swings that noise alone makes differ from quarter to quarter (guess: by less than half).
+    let is_noisy = options.d_noise_m > 0.0 || options.theta_noise_rad > 0.0;
+    let grown = if is_noisy { 2.0 } else { 1.05 };
+    trace.verdict = if turned_round || (!settled && late > grown * early) {
         Verdict::Unstable
+    } else if settled && trace.rest_d_m.abs() > trace.settled_d_m {
+        Verdict::Beside
     } else if settled {
         Verdict::Converges
     } else if late < 0.8 * early {
@@ -375,13 +438,14 @@ fn largest(values: &[f64]) -> f64 {
 }
 
 impl Trace {
-    /// Size of the swings in the second and in the last quarter (m); an angle counts as what it is worth at the
-    /// look-ahead.
+    /// Size of the swings about the resting place in the second and in the last quarter (m); an angle counts as what it is
+    /// worth at the look-ahead.
     fn swings(&self) -> (f64, f64) {
         let count = self.time_s.len();
         let size = |from: usize, to: usize| {
             let angle_m = self.look_ahead_m * largest(&self.theta_rad[from..to]);
-            largest(&self.d_m[from..to]).max(angle_m)
+            let most_m = |most: f64, d: &f64| most.max((d - self.rest_d_m).abs());
+            self.d_m[from..to].iter().fold(angle_m, most_m)
         };
         (size(count / 4, count / 2), size(3 * count / 4, count))
     }
@@ -558,6 +622,49 @@ mod tests {
         assert!((mean + 0.02).abs() < 0.004, "{mean}");
     }
 
+    /// The limits grew with bias and noise, so a vehicle 7 cm beside the line was said to converge.
+    #[test]
+    fn a_course_beside_the_line_is_not_said_to_converge() {
+        let biased = |d_bias_m: f64, theta_bias_deg: f64, form| {
+            one(StudyOptions {
+                form,
+                d_bias_m,
+                theta_bias_rad: theta_bias_deg.to_radians(),
+                duration_s: 60.0,
+                ..StudyOptions::default()
+            })
+        };
+        for (trace, expected_m) in [
+            (biased(0.07, 0.0, Form::Document), -0.07),
+            (biased(-0.07, 0.0, Form::PurePursuit), 0.07),
+            // The distance that asks for the angle's error: L·tan 5°.
+            (biased(0.0, 5.0, Form::Document), -0.034_995_465),
+        ] {
+            let end_m = trace.d_m[trace.d_m.len() - 1];
+            assert_eq!(trace.verdict, Verdict::Beside);
+            assert!((trace.rest_d_m - expected_m).abs() < 1e-6, "{}", trace.rest_d_m);
+            assert!((end_m - expected_m).abs() < 0.005, "{end_m}");
+        }
+        assert_eq!(biased(0.005, 0.0, Form::Document).verdict, Verdict::Converges);
+    }
+
+    #[test]
+    fn noise_widens_no_limit() {
+        let noisy = |d_noise_m, theta_noise_deg: f64| {
+            one(StudyOptions {
+                d_noise_m,
+                theta_noise_rad: theta_noise_deg.to_radians(),
+                duration_s: 60.0,
+                ..StudyOptions::default()
+            })
+        };
+        let (little, much) = (noisy(0.002, 0.5), noisy(0.05, 15.0));
+        assert_eq!(little.verdict, Verdict::Converges);
+        assert_eq!(much.verdict, Verdict::Oscillates);
+        let off = |trace: &Trace| largest(&trace.theta_rad[150..]);
+        assert!(off(&little) < SETTLED_THETA_RAD && off(&much) > SETTLED_THETA_RAD);
+    }
+
     #[test]
     fn on_a_circle_only_the_curve_form_ends_on_the_line() {
         let end = |form, look_ahead_m| {
@@ -569,10 +676,11 @@ mod tests {
                 delay_s: 0.05,
                 ..StudyOptions::default()
             });
-            trace.d_m[trace.d_m.len() - 1].abs()
+            (trace.d_m[trace.d_m.len() - 1].abs(), trace.verdict)
         };
-        assert!(end(Form::Curve, 0.12) < 1e-3);
-        assert!(end(Form::Document, 0.40) > 0.03);
+        let (curve, document) = (end(Form::Curve, 0.12), end(Form::Document, 0.40));
+        assert!(curve.0 < 1e-3 && curve.1 == Verdict::Converges, "{curve:?}");
+        assert!(document.0 > 0.03 && document.1 == Verdict::Beside, "{document:?}");
     }
 
     #[test]

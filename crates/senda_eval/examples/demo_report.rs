@@ -312,6 +312,8 @@ fn study() -> Vec<StudyTrace> {
                     "oscillates".into()
                 },
                 good: kp < 2.0,
+                settled_d_m: 0.01,
+                settled_theta_rad: 2f64.to_radians(),
                 settle_time_s: (kp < 2.0).then_some(9.3 / kp),
                 ..StudyTrace::default()
             };

@@ -5,7 +5,7 @@ use anyhow::Result;
 use clap::{Args, Subcommand};
 use senda_drivers::follow::Form;
 use senda_drivers::study::{self, Start, StudyOptions, Trace, Verdict};
-use senda_eval::report::{Page, StudyTrace, study_html};
+use senda_eval::report::{Page, StudyTrace, study_html, study_limits};
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -152,10 +152,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             settles,
             trace.overshoot_m * 100.0,
             trace.largest_d_m * 100.0,
-            verdict(trace.verdict),
+            verdict(trace),
         );
     }
-    println!();
+    println!("\n{}", study_limits(study::SETTLED_D_M, study::SETTLED_THETA_RAD));
     if flags.form != Form::Document {
         return Ok(());
     }
@@ -184,8 +184,10 @@ fn page(traces: &[Trace]) -> String {
                 trace.start.theta_rad.to_degrees()
             ),
             label: label(trace),
-            verdict: verdict(trace.verdict).to_owned(),
+            verdict: verdict(trace),
             good: trace.verdict == Verdict::Converges,
+            settled_d_m: trace.settled_d_m,
+            settled_theta_rad: trace.settled_theta_rad,
             settle_time_s: trace.settle_time_s,
             overshoot_m: trace.overshoot_m,
             time_s: trace.time_s.clone(),
@@ -212,11 +214,12 @@ fn label(trace: &Trace) -> String {
     label
 }
 
-fn verdict(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::Converges => "converges",
-        Verdict::Slow => "slow",
-        Verdict::Oscillates => "oscillates",
-        Verdict::Unstable => "unstable",
+fn verdict(trace: &Trace) -> String {
+    match trace.verdict {
+        Verdict::Converges => "converges".to_owned(),
+        Verdict::Beside => format!("beside the line, d {:.1} cm", trace.rest_d_m * 100.0),
+        Verdict::Slow => "slow".to_owned(),
+        Verdict::Oscillates => "oscillates".to_owned(),
+        Verdict::Unstable => "unstable".to_owned(),
     }
 }

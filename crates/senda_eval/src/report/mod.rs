@@ -24,7 +24,7 @@ pub use page::Page;
 pub use parts::{Part, PartFigure, PartTable, parts_html, parts_markdown};
 pub use real::real_data_html;
 pub use run::ReportRun;
-pub use study::{StudyTrace, study_html};
+pub use study::{StudyTrace, study_html, study_limits};
 pub use sweep::{SweepRow, SweepRun, SweepTable, sweep_html, sweep_table};
 pub use training::{TrainingEpoch, TrainingReport, TrainingRound, training_html};
 

@@ -15,7 +15,11 @@ pub struct StudyTrace {
     pub verdict: String,
     /// Whether that is good.
     pub good: bool,
-    /// From when on it stays at the line (s).
+    /// How near to its resting place it counts as settled (m).
+    pub settled_d_m: f64,
+    /// How small its angle must be as well (rad).
+    pub settled_theta_rad: f64,
+    /// From when on it stays within these limits (s).
     pub settle_time_s: Option<f64>,
     /// How far it goes past the line (m).
     pub overshoot_m: f64,
@@ -29,6 +33,16 @@ pub struct StudyTrace {
     pub omega_radps: Vec<f64>,
 }
 
+/// What "settled" means in a study, for people.
+pub fn study_limits(d_m: f64, theta_rad: f64) -> String {
+    format!(
+        "Settled: the true distance stays within {} cm of where the course rests and the true angle within {}°, however noisy \
+         the measurement. It rests on the line, unless a bias or a curve moves that place: then it ends \"beside the line\".",
+        text::short(100.0 * d_m),
+        text::short(theta_rad.to_degrees()),
+    )
+}
+
 /// A report of a study: for each group the three plots and a table.
 pub fn study_html(page: &Page, traces: &[StudyTrace]) -> String {
     let mut groups: Vec<(&str, Vec<&StudyTrace>)> = Vec::new();
@@ -38,12 +52,12 @@ pub fn study_html(page: &Page, traces: &[StudyTrace]) -> String {
             None => groups.push((&trace.group, vec![trace])),
         }
     }
-    let mut sections = vec![summary(&groups)];
+    let mut sections = vec![summary(traces, &groups)];
     sections.extend(groups.iter().map(|(name, members)| section(name, members)));
     render(page, Vec::new(), sections)
 }
 
-fn summary(groups: &[(&str, Vec<&StudyTrace>)]) -> Section {
+fn summary(traces: &[StudyTrace], groups: &[(&str, Vec<&StudyTrace>)]) -> Section {
     let rows = groups.iter().flat_map(|(name, members)| {
         members.iter().map(move |trace| Row {
             cells: vec![
@@ -58,11 +72,16 @@ fn summary(groups: &[(&str, Vec<&StudyTrace>)]) -> Section {
             tone: if trace.good { "" } else { "bad" },
         })
     });
+    let limits = traces.first().map_or_else(String::new, |trace| {
+        study_limits(trace.settled_d_m, trace.settled_theta_rad) + " "
+    });
     Section {
         title: "Result".into(),
         tables: vec![Table {
-            caption: "At the line: within 1 cm and 2° and staying there. Shaded rows do not converge in the time studied.".into(),
-            columns: ["start", "constants", "verdict", "at the line after", "overshoot"].map(String::from).to_vec(),
+            caption: limits + "Shaded rows do not converge to the line in the time studied.",
+            columns: ["start", "constants", "verdict", "settled after", "overshoot"]
+                .map(String::from)
+                .to_vec(),
             words: 3,
             rows: rows.collect(),
         }],
@@ -81,22 +100,29 @@ fn section(name: &str, members: &[&StudyTrace]) -> Section {
             String::new()
         };
         type Values = fn(&StudyTrace) -> &[f64];
-        let kinds: [(&str, &str, f64, f64, Values, &str); 3] = [
+        let (d_m, theta_rad) = (chosen[0].settled_d_m, chosen[0].settled_theta_rad);
+        let kinds: [(&str, &str, f64, f64, Values, String); 3] = [
             (
                 "Distance d",
                 "cm",
                 100.0,
-                1.0,
+                100.0 * d_m,
                 |t| &t.d_m,
-                "Distance from the axle to the line. Green: within 1 cm.",
+                format!(
+                    "True distance from the axle to the line. Green: within {} cm.",
+                    text::short(100.0 * d_m)
+                ),
             ),
             (
                 "Angle θ",
                 "°",
                 180.0 / std::f64::consts::PI,
-                2.0,
+                theta_rad.to_degrees(),
                 |t| &t.theta_rad,
-                "Angle between the vehicle and the line. Green: within 2°.",
+                format!(
+                    "True angle between the vehicle and the line. Green: within {}°.",
+                    text::short(theta_rad.to_degrees())
+                ),
             ),
             (
                 "Yaw rate ω",
@@ -104,7 +130,7 @@ fn section(name: &str, members: &[&StudyTrace]) -> Section {
                 180.0 / std::f64::consts::PI,
                 0.0,
                 |t| &t.omega_radps,
-                "What the controller asks for; flat tops are its limit.",
+                "What the controller asks for; flat tops are its limit.".to_owned(),
             ),
         ];
         for (title, unit, factor, band, values, caption) in kinds {
@@ -139,7 +165,7 @@ fn section(name: &str, members: &[&StudyTrace]) -> Section {
             figures.push(Figure {
                 title: format!("{title}{suffix}"),
                 svg: plot.svg(),
-                caption: caption.to_owned(),
+                caption,
             });
         }
     }
