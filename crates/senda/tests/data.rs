@@ -156,6 +156,71 @@ fn recordings_go_to_other_programs_and_come_back() {
     .stderr(contains("named-frames"));
 }
 
+/// Imported data were taken for a run of senda: another driver by default, other options, no agreement, a report without a name.
+#[test]
+fn imported_data_are_replayed_and_reported_like_the_data_themselves() {
+    let folder = tempfile::tempdir().unwrap();
+    let (tub, imported) = (folder.path().join("tub"), folder.path().join("imported"));
+    let run = record(folder.path(), "oval-lane");
+    senda(&[
+        "data",
+        "export",
+        text(&run),
+        "--format",
+        "tub",
+        "--out",
+        text(&tub),
+    ])
+    .success();
+    let import = [
+        "data",
+        "import",
+        text(&tub),
+        "--vehicle",
+        "picar",
+        "--out",
+        text(&imported),
+        "--json",
+    ];
+    let file = json(&import)[0]["path"].as_str().unwrap().to_owned();
+    for driver in [&[][..], &["--driver", "lane"]] {
+        let replay = |data: &str| {
+            let report = folder.path().join("replay.html");
+            let arguments = [
+                "replay",
+                data,
+                "--vehicle",
+                "picar",
+                "--json",
+                "--report",
+                text(&report),
+            ];
+            let figures = json(&[&arguments[..], driver].concat());
+            let page = std::fs::read_to_string(&report).unwrap();
+            assert!(page.contains("Agreement with the human"));
+            figures
+        };
+        let (of_tub, of_import) = (replay(text(&tub)), replay(&file));
+        assert_eq!(of_tub["driver"], "lane");
+        assert!(of_tub["agreement"]["frames"].as_u64().unwrap() > 20);
+        for figure in [
+            "steps",
+            "found_rate",
+            "lost",
+            "driver",
+            "agreement",
+            "different_commands",
+        ] {
+            assert_eq!(of_tub[figure], of_import[figure], "{figure}");
+        }
+    }
+    let report = folder.path().join("report.html");
+    senda(&["report", &file, "--out", text(&report)]).success();
+    let page = std::fs::read_to_string(report).unwrap();
+    assert!(page.contains("human on picar, tub tub"));
+    assert!(!page.contains("<h2> on </h2>"));
+}
+
 #[test]
 fn a_camera_that_was_moved_is_noticed() {
     let folder = tempfile::tempdir().unwrap();

@@ -3,6 +3,28 @@
 use crate::warnings::Warnings;
 use crate::{Recording, RecordingHeader, Step};
 use senda_core::{Body, Stamp};
+use serde::Deserialize;
+
+/// Where data of another program came from.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+pub struct Origin {
+    /// Name of the format: `tub`.
+    pub format: String,
+    /// The set's own name.
+    pub source: String,
+}
+
+impl RecordingHeader {
+    /// Where the data came from if another program recorded them, read just now or imported long ago; `None` for runs of senda.
+    pub fn origin(&self) -> Option<Origin> {
+        #[derive(Deserialize)]
+        struct Scenario {
+            import: Origin,
+        }
+        let scenario: Scenario = toml::from_str(&self.scenario).ok()?;
+        Some(scenario.import)
+    }
+}
 
 /// A record of a foreign data set that can become a step.
 #[derive(Debug)]
@@ -214,7 +236,7 @@ fn fit_cameras(body: &mut Body, steps: &[Step], warnings: &mut Warnings) {
     }
 }
 
-/// The header of an imported recording. The scenario says where it came from.
+/// The header of an imported recording. The scenario says where it came from ([`RecordingHeader::origin`]).
 fn header(format: &str, source: &str, body: Body) -> RecordingHeader {
     RecordingHeader {
         senda: env!("CARGO_PKG_VERSION").into(),
@@ -263,6 +285,33 @@ mod tests {
             check(&[Some(10_000), Some(10_002), Some(10_005)]),
             (vec![0, 50, 100], 0.05, 1)
         );
+    }
+
+    #[test]
+    fn only_imported_recordings_have_an_origin() {
+        let body = Body {
+            name: "car".into(),
+            steering: senda_core::Steering::Differential { track_m: 0.1 },
+            width_m: 0.1,
+            length_m: 0.2,
+            speed_limit_mps: 1.0,
+            yaw_rate_limit_radps: 3.0,
+            period_s: 0.05,
+            cameras: vec![],
+        };
+        let imported = header("tub", "a \"tub\" = [x]", body);
+        let origin = imported.origin().unwrap();
+        assert_eq!(
+            (origin.format.as_str(), origin.source.as_str()),
+            ("tub", "a \"tub\" = [x]")
+        );
+        for scenario in ["", "world = \"oval\"", "import = 3", "[import"] {
+            let own = RecordingHeader {
+                scenario: scenario.into(),
+                ..imported.clone()
+            };
+            assert_eq!(own.origin(), None, "{scenario}");
+        }
     }
 
     #[test]

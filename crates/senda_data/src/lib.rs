@@ -61,6 +61,7 @@ pub use edits::{Edits, open_edited_runs};
 pub use error::DataError;
 pub use export::{Exported, export};
 pub use import::{Imported, import};
+pub use imported::Origin;
 pub use info::{Info, info};
 pub use open::{Format, open, open_runs};
 pub use reader::NO_SUMMARY;

@@ -67,10 +67,10 @@ pub fn recordings(
     let mut camera: Option<Camera> = None;
     for (number, path) in paths.iter().enumerate() {
         progress(number, paths.len());
-        let knows_camera = senda_data::Format::detect(path)? == senda_data::Format::Recording;
         for (index, recording) in senda_data::open_edited_runs(path, body)?.into_iter().enumerate() {
             let name = run_name(path, index);
-            if let (true, Some(own)) = (knows_camera, recording.header.body.cameras.first()) {
+            let is_own = recording.header.origin().is_none();
+            if let (true, Some(own)) = (is_own, recording.header.body.cameras.first()) {
                 if camera.as_ref().is_some_and(|first| first != own) {
                     warnings.push(format!(
                         "{name}: recorded with another camera than the first recording; the model will name the first one's"

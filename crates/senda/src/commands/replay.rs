@@ -8,7 +8,7 @@ use super::{
 use crate::terminal;
 use anyhow::{Result, bail};
 use clap::Args;
-use senda_data::{Format, Recording};
+use senda_data::Recording;
 use senda_eval::{
     Summary, agreement,
     report::{Page, real_data_html},
@@ -34,13 +34,13 @@ const FOREIGN_LANE: [&str; 7] = [
 pub(crate) struct Arguments {
     /// Recording (MCAP), or a Donkeycar tub (folder or .tar.gz)
     data: PathBuf,
-    /// Another driver than the recorded one; for foreign data `lane` unless given
+    /// Another driver than the recorded one; for foreign data, imported or not, `lane` unless given
     #[arg(long, value_name = "DRIVER")]
     driver: Option<String>,
     /// Trained network for the driver `neural`
     #[arg(long, value_name = "FILE")]
     model: Option<String>,
-    /// Vehicle that foreign data come from: its camera tells where the floor is
+    /// Vehicle that foreign data come from: its camera tells where the floor is (imported data bring theirs)
     #[arg(long, value_name = "VEHICLE", default_value = "donkeycar")]
     vehicle: String,
     /// Another cruising speed in m/s
@@ -67,15 +67,14 @@ pub(crate) fn read_recording(path: &Path) -> Result<Recording> {
     Ok(recording)
 }
 
-/// Any data, and whether another program recorded them.
-fn open(path: &Path, vehicle: &str) -> Result<(Recording, bool)> {
+/// Any data.
+fn open(path: &Path, vehicle: &str) -> Result<Recording> {
     if !path.exists() {
         bail!("{}: no such file or folder", path.display());
     }
-    let foreign = Format::detect(path)? != Format::Recording;
     let recording = senda_data::open(path, &find_vehicle(vehicle)?.body())?;
     warn(&recording);
-    Ok((recording, foreign))
+    Ok(recording)
 }
 
 fn warn(recording: &Recording) {
@@ -88,7 +87,8 @@ fn warn(recording: &Recording) {
 }
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
-    let (recording, foreign) = open(&arguments.data, &arguments.vehicle)?;
+    let recording = open(&arguments.data, &arguments.vehicle)?;
+    let foreign = recording.header.origin().is_some();
     let driver = arguments
         .driver
         .clone()

@@ -55,11 +55,13 @@ pub(crate) struct PageRun {
 }
 
 impl PageRun {
-    /// With the summary that the recording holds, or a new one where it was cut short.
+    /// With the summary that the recording holds, or a new one where it was cut short or imported: what an import holds
+    /// has no figures of a run.
     pub(crate) fn recorded(recording: Recording) -> Self {
         let held = recording
             .summary
             .clone()
+            .filter(|_| recording.header.origin().is_none())
             .and_then(|value| serde_json::from_value(value).ok());
         let summary = held.unwrap_or_else(|| Summary::from_recording(&recording, None));
         Self {
@@ -89,11 +91,12 @@ pub(crate) fn page(title: &str, command: &str, runs: &[PageRun]) -> Result<Strin
         .iter()
         .map(|run| run.frame_times_ns.iter().map(|ns| *ns as f64 * 1e-9).collect())
         .collect();
+    let titles: Vec<String> = runs.iter().map(|run| foreign_title(&run.recording)).collect();
     let shown: Vec<ReportRun> = runs
         .iter()
         .enumerate()
         .map(|(i, run)| ReportRun {
-            title: "",
+            title: &titles[i],
             summary: &run.summary,
             recording: &run.recording,
             world: worlds[i].as_ref(),
@@ -113,6 +116,16 @@ pub(crate) fn page(title: &str, command: &str, runs: &[PageRun]) -> Result<Strin
         .take(20)
         .collect();
     Ok(report::html(&head, &shown))
+}
+
+/// `human on donkeycar, tub warehouse` of imported data; empty for runs of senda, whose world and driver name them.
+fn foreign_title(recording: &Recording) -> String {
+    let header = &recording.header;
+    let title = |origin: senda_data::Origin| {
+        let (driver, vehicle) = (&header.driver, &header.body.name);
+        format!("{driver} on {vehicle}, {} {}", origin.format, origin.source)
+    };
+    header.origin().map_or_else(String::new, title)
 }
 
 /// The command line that repeats a scenario.
