@@ -126,7 +126,9 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     if let Some(path) = &arguments.report {
         let page = if foreign {
             let title = format!("{} on real frames", replayed.recording.header.driver);
-            real_data_html(&Page::new(&title, &command_line()), &human, &replayed.recording)
+            let mut head = Page::new(&title, &command_line());
+            head.notes.clone_from(&replayed.recording.warnings);
+            real_data_html(&head, &human, &replayed.recording)
         } else {
             let mut run = PageRun::recorded(replayed.recording.clone());
             run.frame_times_ns.clone_from(&replayed.frame_times_ns);
@@ -139,6 +141,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     if arguments.json {
         let value = serde_json::json!({
             "steps": replayed.steps,
+            "recorded_steps": replayed.recorded_steps,
+            "interrupted": replayed.interrupted,
             "different_commands": replayed.different_commands,
             "damaged_frames": replayed.damaged_frames,
             "found_rate": summary.found_rate,
@@ -153,6 +157,9 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         "{} steps replayed with driver {}",
         replayed.steps, replayed.recording.header.driver
     );
+    if let Some(interruption) = replayed.interruption() {
+        println!("{interruption}");
+    }
     if replayed.damaged_frames > 0 {
         println!("{} damaged frames left out", replayed.damaged_frames);
     }
