@@ -65,6 +65,14 @@ fn the_same_run_gives_the_same_bytes_and_its_replay_the_same_commands() {
     let report = folder.path().join("replay.html");
     let replay = json(&["replay", text(&recording), "--json", "--report", text(&report)]);
     assert_eq!(replay["different_commands"], 0);
+    // Wall times are in no recording: the replay measures them again.
+    let [mean_s, longest_s] =
+        ["frame_time_mean_s", "frame_time_max_s"].map(|key| replay[key].as_f64().unwrap());
+    assert!(0.0 < mean_s && mean_s <= longest_s);
+    assert!(std::fs::read_to_string(&report).unwrap().contains("Time spent"));
+    senda(&["replay", text(&recording)])
+        .success()
+        .stdout(predicate::str::contains("time a frame: mean"));
     assert!(!std::fs::read_to_string(&report).unwrap().contains("no summary"));
     assert!(replay["steps"].as_u64().unwrap() > 20);
     let other = json(&[&["drive", "--json", "--seed", "6"], &SHORT[..]].concat());

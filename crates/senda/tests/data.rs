@@ -197,7 +197,8 @@ fn imported_data_are_replayed_and_reported_like_the_data_themselves() {
             ];
             let figures = json(&[&arguments[..], driver].concat());
             let page = std::fs::read_to_string(&report).unwrap();
-            assert!(page.contains("Agreement with the human"));
+            assert!(page.contains("Agreement with the human") && page.contains("Time spent"));
+            assert!(figures["frame_time_max_s"].as_f64().unwrap() > 0.0);
             figures
         };
         let (of_tub, of_import) = (replay(text(&tub)), replay(&file));

@@ -112,6 +112,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             &Page::new("Lane driver over recorded frames", "senda replay tub"),
             &human,
             &driven,
+            &[],
         ),
     )?;
     Ok(())

@@ -12,6 +12,7 @@ use senda_data::Recording;
 use senda_eval::{
     Summary, agreement,
     report::{Page, real_data_html},
+    text,
 };
 use senda_run::{replay, scenario::find_vehicle};
 use std::path::{Path, PathBuf};
@@ -123,21 +124,28 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     drop(ears);
     bar.finish_and_clear();
     let agreement = agreement::of_recordings(&human, &replayed.recording);
+    let times_s: Vec<f64> = replayed
+        .frame_times_ns
+        .iter()
+        .map(|ns| *ns as f64 * 1e-9)
+        .collect();
+    let summary = Summary::from_recording(&replayed.recording, None).with_frame_times(&times_s);
+    let longest_s = times_s.iter().copied().reduce(f64::max);
     if let Some(path) = &arguments.report {
         let page = if foreign {
             let title = format!("{} on real frames", replayed.recording.header.driver);
             let mut head = Page::new(&title, &command_line());
             head.notes.clone_from(&replayed.recording.warnings);
-            real_data_html(&head, &human, &replayed.recording)
+            real_data_html(&head, &human, &replayed.recording, &times_s)
         } else {
             let mut run = PageRun::recorded(replayed.recording.clone());
+            run.summary = summary.clone();
             run.frame_times_ns.clone_from(&replayed.frame_times_ns);
             page("Replay", &command_line(), &[run])?
         };
         write_file(path, page.as_bytes())?;
         eprintln!("report: {}", path.display());
     }
-    let summary = Summary::from_recording(&replayed.recording, None);
     if arguments.json {
         let value = serde_json::json!({
             "steps": replayed.steps,
@@ -147,6 +155,9 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             "damaged_frames": replayed.damaged_frames,
             "found_rate": summary.found_rate,
             "lost": summary.lost,
+            "frame_time_mean_s": summary.frame_time_mean_s,
+            "frame_time_p95_s": summary.frame_time_p95_s,
+            "frame_time_max_s": longest_s,
             "driver": replayed.recording.header.driver,
             "agreement": agreement,
         });
@@ -165,6 +176,13 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     }
     if let Some(found) = summary.found_rate {
         println!("line or lane found in {:.1} % of the frames", found * 100.0);
+    }
+    if let (Some(mean_s), Some(longest_s)) = (summary.frame_time_mean_s, longest_s) {
+        println!(
+            "time a frame: mean {} ms, largest {} ms",
+            text::short(1e3 * mean_s),
+            text::short(1e3 * longest_s)
+        );
     }
     if foreign {
         println!("{}", agreement.to_text());

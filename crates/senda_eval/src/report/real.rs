@@ -13,8 +13,8 @@ use senda_data::Recording;
 /// A report that shows a driver's detections on recorded frames, and its steering beside the human's.
 ///
 /// `human` holds the commands as they were recorded, `driven` the same frames with the commands and explanations of the
-/// driver.
-pub fn real_data_html(page: &Page, human: &Recording, driven: &Recording) -> String {
+/// driver; `frame_times_s` is the wall time that it took for each of them (s), empty where unknown.
+pub fn real_data_html(page: &Page, human: &Recording, driven: &Recording, frame_times_s: &[f64]) -> String {
     let (reference, answers) = agreement::steerings(human, driven);
     let agreed = agreement::of_recordings(human, driven);
     let scale = Scale::of(&driven.header.body);
@@ -23,7 +23,7 @@ pub fn real_data_html(page: &Page, human: &Recording, driven: &Recording) -> Str
         Column::from_si("human", "human", "steering_rad", scale, reference.clone()),
         Column::from_si("driver", "driver", "steering_rad", scale, or_none.clone()),
     ];
-    let summary = Summary::from_recording(driven, None);
+    let summary = Summary::from_recording(driven, None).with_frame_times(frame_times_s);
     let shown = ReportRun {
         title: "",
         summary: &summary,
@@ -31,7 +31,7 @@ pub fn real_data_html(page: &Page, human: &Recording, driven: &Recording) -> Str
         world: None,
         course: None,
         command: &page.command,
-        frame_times_s: &[],
+        frame_times_s,
         look: None,
     };
     let mut section = run::section_with(&shown, 0, page.frame_budget_bytes, columns);
@@ -52,7 +52,7 @@ pub fn real_data_html(page: &Page, human: &Recording, driven: &Recording) -> Str
 fn cards(summary: &Summary, agreed: &Agreement) -> Vec<Card> {
     let number = |value: Option<f64>| value.map_or("–".into(), |v| text::fixed(v, 2));
     let angle = |value: Option<f64>| value.map_or("–".into(), text::angle);
-    vec![
+    let mut cards = vec![
         Card::new(
             "Line or lane found",
             text::percent(agreed.found_rate),
@@ -95,7 +95,9 @@ fn cards(summary: &Summary, agreed: &Agreement) -> Vec<Card> {
             "From the first frame to the last",
             "",
         ),
-    ]
+    ];
+    cards.extend(run::frame_time_card(summary));
+    cards
 }
 
 fn scatter(reference: &[f64], answers: &[f64]) -> Figure {

@@ -339,16 +339,20 @@ fn cards(summary: &Summary) -> Vec<Card> {
             "",
         );
     }
-    if let (Some(mean), Some(p95)) = (summary.frame_time_mean_s, summary.frame_time_p95_s) {
-        card(
-            "Time a frame",
-            format!("{} ms", text::short(1e3 * mean)),
-            format!("95 % below {} ms", text::short(1e3 * p95)),
-            "Wall time that the driver needed for one frame",
-            "",
-        );
-    }
+    cards.extend(frame_time_card(summary));
     cards
+}
+
+/// How long the driver took; `None` where nobody measured it.
+pub(super) fn frame_time_card(summary: &Summary) -> Option<Card> {
+    let (mean_s, p95_s) = (summary.frame_time_mean_s?, summary.frame_time_p95_s?);
+    Some(Card::new(
+        "Time a frame",
+        format!("{} ms", text::short(1e3 * mean_s)),
+        format!("95 % below {} ms", text::short(1e3 * p95_s)),
+        "Wall time that the driver needed for one frame",
+        "",
+    ))
 }
 
 fn times(count: u32) -> String {

@@ -253,7 +253,7 @@ fn hostile_names_stay_text_everywhere() {
         html(&page, &[shown, shown]),
         sweep_html(&page, &sweep),
         study_html(&page, &study),
-        real_data_html(&page, &recording, &recording),
+        real_data_html(&page, &recording, &recording, &[]),
     ] {
         assert_well_formed(&page);
         assert!(!page.contains("<img") && !page.contains("<script>alert") && !page.contains('\u{1b}'));
@@ -321,7 +321,7 @@ fn poor_recordings_still_make_a_page() {
             assert_well_formed(&page);
             assert_eq!(data(&page).len(), 1);
         }
-        assert_well_formed(&real_data_html(&Page::default(), &recording, &recording));
+        assert_well_formed(&real_data_html(&Page::default(), &recording, &recording, &[]));
     }
     for page in [
         html(&Page::default(), &[]),
@@ -414,4 +414,14 @@ fn a_picture_with_shapes_is_a_file_of_its_own() {
     let svg = picture_svg(&image, &encode_png(&image).unwrap(), &explanation.shapes);
     assert_well_formed(&svg);
     assert!(svg.contains("polygon") && !svg.contains("url(") && !svg.contains("<img"));
+}
+
+#[test]
+fn the_time_of_each_frame_is_shown_on_foreign_data_too() {
+    let recording = recording(20, "lane", false);
+    let page = |times_s: &[f64]| real_data_html(&Page::default(), &recording, &recording, times_s);
+    let timed = page(&[0.0042; 20]);
+    assert!(timed.contains("Time spent") && timed.contains("4.2 ms"));
+    let untimed = page(&[]);
+    assert!(!untimed.contains("Time spent") && !untimed.contains("Time a frame"));
 }
