@@ -10,10 +10,12 @@ use senda_core::{Command, Drive};
 use senda_data::Recording;
 use senda_eval::Summary;
 use senda_eval::metrics::{Course, trace};
-use senda_eval::plot::{Axis, COLOURS, LinePlot, Map, Rule, Series, Stroke, Track};
+use senda_eval::plot::{
+    Axis, COLOURS, LinePlot, Map, Rule, Series, Stroke, Track, against_percent, hard_curves,
+};
 use senda_eval::report::{Part, PartFigure};
 use senda_eval::summary::truths;
-use senda_geom::{Vec2, angle};
+use senda_geom::Vec2;
 use senda_learn::offline;
 use senda_nets::Model;
 use senda_run::scenario::find_world;
@@ -336,25 +338,13 @@ fn group_figures(group: &[(&Row, &Columns)], world: &World) -> Vec<PartFigure> {
         });
     }
     figures.push(map_figure(group, world, None));
-    for (number, (percent, window)) in hard_curves(world).into_iter().enumerate() {
-        let mut figure = map_figure(group, world, Some(window));
+    for (number, curve) in hard_curves(&Course::of(world, None)).into_iter().enumerate() {
+        let mut figure = map_figure(group, world, Some(curve.window));
         figure.title = format!("Hard curve {}", number + 1);
-        figure.caption = format!("The curve at {percent:.0} % of the lap, enlarged.");
+        figure.caption = format!("The curve at {:.0} % of the lap, enlarged.", curve.percent);
         figures.push(figure);
     }
     figures
-}
-
-fn against_percent(percent: &[f64], values: &[f64]) -> Vec<[f64; 2]> {
-    let mut points: Vec<[f64; 2]> = Vec::with_capacity(values.len());
-    for (x, y) in percent.iter().zip(values) {
-        // From 100 to 0 a new lap begins: no line across.
-        if points.last().is_some_and(|last| (last[0] - x).abs() > 50.0) {
-            points.push([f64::NAN, f64::NAN]);
-        }
-        points.push([*x, *y]);
-    }
-    points
 }
 
 fn map_figure(group: &[(&Row, &Columns)], world: &World, window: Option<[Vec2; 2]>) -> PartFigure {
@@ -377,51 +367,6 @@ fn map_figure(group: &[(&Row, &Columns)], world: &World, window: Option<[Vec2; 2
         svg: map.svg(),
         caption: "From above, true to scale.".into(),
     }
-}
-
-/// How far apart two curves must be to count as two (m), and how much of the road an enlarged one shows (m): guesses for roads of a
-/// kilometre; shorter laps have less.
-const APART_M: f64 = 120.0;
-const SHOWN_M: f64 = 45.0;
-
-/// Per cent of the lap and window of the two sharpest curves.
-fn hard_curves(world: &World) -> Vec<(f64, [Vec2; 2])> {
-    let path = &world.path;
-    let length_m = path.length_m();
-    let (apart_m, half_m) = (APART_M.min(0.2 * length_m), SHOWN_M.min(0.1 * length_m));
-    let window_m = 0.25 * half_m;
-    let steps = 400;
-    let mut turns: Vec<(f64, f64)> = (0..steps)
-        .map(|step| {
-            let station_m = length_m * f64::from(step) / f64::from(steps);
-            let heading = |at_m: f64| path.pose_at(path.normalise_station(at_m)).heading_rad;
-            let turned = angle::difference(heading(station_m + window_m), heading(station_m - window_m));
-            (turned.abs(), station_m)
-        })
-        .collect();
-    turns.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.total_cmp(&b.1)));
-    let mut chosen: Vec<f64> = Vec::new();
-    for (_, station_m) in turns {
-        let between = |other: &f64| {
-            let gap_m = (station_m - other).abs();
-            gap_m.min(length_m - gap_m)
-        };
-        if chosen.iter().all(|other| between(other) > apart_m) {
-            chosen.push(station_m);
-        }
-        if chosen.len() == 2 {
-            break;
-        }
-    }
-    let course = Course::of(world, None);
-    chosen
-        .into_iter()
-        .map(|station_m| {
-            let middle = path.pose_at(station_m).position();
-            let half = Vec2::new(1.5 * half_m, half_m);
-            (course.percent_at(station_m), [middle - half, middle + half])
-        })
-        .collect()
 }
 
 fn human_figure(title: &str, network: &[f64], human: &[f64]) -> PartFigure {

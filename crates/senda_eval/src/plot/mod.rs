@@ -7,6 +7,7 @@
 mod axis;
 
 mod heat;
+mod lap;
 mod line;
 mod map;
 mod rates;
@@ -15,6 +16,7 @@ mod timeline;
 
 pub use axis::{Axis, ticks};
 pub use heat::HeatGrid;
+pub use lap::{HardCurve, against_percent, hard_curves};
 pub use line::{Band, LinePlot, Rule, Series, Span, Stroke};
 pub use map::{Map, MapStyle, Track};
 pub use rates::{RateRow, RateRows};

@@ -3,7 +3,7 @@
 use super::run::ReportRun;
 use super::signals::{self, Column, FRAME_TIME, Scale};
 use crate::metrics::{self, Course, Trace};
-use senda_core::{Steering, Truth};
+use senda_core::{Drive, Steering, Truth};
 use senda_data::Step;
 use senda_geom::angle;
 
@@ -102,6 +102,11 @@ pub(super) fn columns(run: &ReportRun, course: Option<&Course>) -> Columns {
             );
         }
     }
+    let pedal = per_step(&|step| match step.command.drive {
+        Drive::Throttle(part) => part,
+        Drive::SpeedMps(_) => f64::NAN,
+    });
+    add("throttle", "commanded", "throttle", pedal);
     add("speed", "commanded", "speed_mps", per_step(&asked_mps));
     let driven = per_step(&|step| {
         step.truth

@@ -3,7 +3,7 @@
 use super::columns::Columns;
 use super::page::{Figure, Table};
 use super::signals::Column;
-use crate::plot::{Axis, LinePlot, Rule, Series, Span, Stroke};
+use crate::plot::{self, Axis, LinePlot, Rule, Series, Span, Stroke};
 use crate::text;
 use serde::Serialize;
 
@@ -25,7 +25,7 @@ struct Plan {
     caption: &'static str,
 }
 
-const PER_CENT: [Plan; 4] = [
+const PER_CENT: [Plan; 5] = [
     Plan {
         title: "Lane error",
         keys: &["offset"],
@@ -43,6 +43,12 @@ const PER_CENT: [Plan; 4] = [
         keys: &["true_steering", "steering"],
         label: "steering",
         caption: "What the driver commanded and what the vehicle did; left is positive.",
+    },
+    Plan {
+        title: "Throttle",
+        keys: &["throttle"],
+        label: "throttle",
+        caption: "Commanded pedal: 1 is full throttle, negative brakes.",
     },
     Plan {
         title: "Speed",
@@ -110,12 +116,18 @@ const TIME: [Plan; 9] = [
 ];
 
 /// Instead of those against per cent, where the road is unknown.
-const WITHOUT_ROAD: [Plan; 2] = [
+const WITHOUT_ROAD: [Plan; 3] = [
     Plan {
         title: "Steering",
         keys: &["steering"],
         label: "steering",
         caption: "What was commanded; left is positive.",
+    },
+    Plan {
+        title: "Throttle",
+        keys: &["throttle"],
+        label: "throttle",
+        caption: "Commanded pedal: 1 is full throttle, negative brakes.",
     },
     Plan {
         title: "Speed",
@@ -218,17 +230,7 @@ fn chosen<'a>(plan: &Plan, columns: &'a Columns) -> Option<Vec<&'a Column>> {
 
 fn against_percent(plan: &Plan, columns: &Columns, percent: &[f64]) -> Option<Figure> {
     let chosen = chosen(plan, columns)?;
-    let series = series(&chosen, |values| {
-        let mut points: Vec<[f64; 2]> = Vec::with_capacity(values.len());
-        for (x, y) in percent.iter().zip(values) {
-            // From 100 to 0 a new lap begins: no line across.
-            if points.last().is_some_and(|last| (last[0] - x).abs() > 50.0) {
-                points.push([f64::NAN, f64::NAN]);
-            }
-            points.push([*x, *y]);
-        }
-        points
-    });
+    let series = series(&chosen, |values| plot::against_percent(percent, values));
     let mut plot = LinePlot {
         name: format!("{} against per cent of the lap", plan.title),
         x: Axis::new("lap", "%").ranged(0.0, 100.0),

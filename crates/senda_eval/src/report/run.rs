@@ -3,12 +3,12 @@
 use super::columns::{Columns, columns};
 use super::delivery;
 use super::frames::{self, Film, Look};
-use super::page::{Card, Row, Section, Table};
+use super::page::{Card, Figure, Row, Section, Table};
 use super::plots::{self, Group};
 use super::signals::{Column, fixed_numbers};
 use crate::Summary;
 use crate::metrics::Course;
-use crate::plot::{Map, MapStyle, Track};
+use crate::plot::{Map, MapStyle, Track, hard_curves};
 use crate::text;
 use senda_core::Truth;
 use senda_data::Recording;
@@ -98,9 +98,15 @@ pub(super) fn section_with(
         (Some(world), _) => Some(Map::of_world(world)),
         (None, course) => course.as_ref().map(Map::of_course),
     };
-    let (map, mini) = map.map(|map| maps(run, map, &columns)).unwrap_or_default();
+    let map = map.map(|map| with_track(run, map, &columns));
+    let enlarged = match (&map, &course) {
+        (Some(map), Some(course)) => hard_curve_group(map, course),
+        _ => None,
+    };
+    let (map, mini) = map.map(maps).unwrap_or_default();
     let mut groups: Vec<Group> = summary.delivery.iter().map(delivery::group).collect();
     groups.extend(plots::groups(&columns));
+    groups.extend(enlarged);
     RunSection {
         id: format!("run-{}", index + 1),
         title: title(run),
@@ -414,8 +420,8 @@ fn events(recording: &Recording, stride: usize) -> Vec<(usize, f64, String)> {
     events
 }
 
-/// The map with the driven path, large and as a thumbnail.
-fn maps(run: &ReportRun, mut map: Map, columns: &Columns) -> (String, String) {
+/// The map with the driven path.
+fn with_track(run: &ReportRun, mut map: Map, columns: &Columns) -> Map {
     let steps = &run.recording.steps;
     let points = steps
         .iter()
@@ -430,6 +436,50 @@ fn maps(run: &ReportRun, mut map: Map, columns: &Columns) -> (String, String) {
     }];
     let body = &run.recording.header.body;
     map.vehicle_m = Some([body.length_m, body.width_m]);
+    map
+}
+
+/// The hard curves enlarged (B9); `None` where the road goes straight.
+fn hard_curve_group(map: &Map, course: &Course) -> Option<Group> {
+    let figures: Vec<Figure> = hard_curves(course)
+        .into_iter()
+        .enumerate()
+        .map(|(number, curve)| {
+            let title = format!("Hard curve {}", number + 1);
+            let [low, high] = curve.window;
+            let is_inside = |point: &Vec2| low.cmple(*point).all() && point.cmple(high).all();
+            let was_reached = map.tracks.iter().flat_map(|track| &track.points).any(is_inside);
+            let mut enlarged = map.clone();
+            enlarged.name = format!("{title}, enlarged");
+            enlarged.window = Some(curve.window);
+            // The vehicle that the player moves is on the whole map.
+            enlarged.vehicle_m = None;
+            (enlarged.width_px, enlarged.max_height_px) = (480.0, 320.0);
+            Figure {
+                title,
+                svg: enlarged.svg(),
+                caption: format!(
+                    "The curve at {} % of the lap: {} the painted lines and the corridor, true to scale.",
+                    text::fixed(curve.percent, 0),
+                    if was_reached {
+                        "the driven path over"
+                    } else {
+                        "not reached in this run;"
+                    }
+                ),
+            }
+        })
+        .collect();
+    (!figures.is_empty()).then(|| Group {
+        title: "Hard curves".into(),
+        intro: "Where the road turns most, enlarged.".into(),
+        figures,
+        tables: Vec::new(),
+    })
+}
+
+/// The map, large and as a thumbnail.
+fn maps(mut map: Map) -> (String, String) {
     map.width_px = 430.0;
     map.max_height_px = 380.0;
     let large = map.svg();

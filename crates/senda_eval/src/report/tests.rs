@@ -4,7 +4,7 @@ use super::*;
 use crate::Summary;
 use crate::metrics::Course;
 use senda_core::codec::{encode_jpeg, encode_png};
-use senda_core::{Body, Channels, Command, Explanation, Stamp, Steering, Truth};
+use senda_core::{Body, Channels, Command, Drive, Explanation, Stamp, Steering, Truth};
 use senda_data::{EncodedFrame, Recording, RecordingHeader, Step};
 use senda_geom::Pose2;
 use senda_world::World;
@@ -26,8 +26,13 @@ fn body() -> Body {
 }
 
 fn world() -> World {
-    let text = "name = \"test\"\n[path]\npoints = [[0, 0], [2, 0]]\n[[markings]]\nwidth_m = 0.02\ncolour = \"black\"\n";
-    World::parse("test.toml", text).unwrap().0
+    world_along("points = [[0, 0], [2, 0]]")
+}
+
+/// A world of one line along a path.
+fn world_along(path: &str) -> World {
+    let text = format!("name = \"test\"\n[path]\n{path}\n[[markings]]\nwidth_m = 0.02\ncolour = \"black\"\n");
+    World::parse("test.toml", &text).unwrap().0
 }
 
 /// A drive along the test world with a picture in every step.
@@ -424,4 +429,25 @@ fn the_time_of_each_frame_is_shown_on_foreign_data_too() {
     assert!(timed.contains("Time spent") && timed.contains("4.2 ms"));
     let untimed = page(&[]);
     assert!(!untimed.contains("Time spent") && !untimed.contains("Time a frame"));
+}
+
+#[test]
+fn a_run_shows_its_hard_curves_and_pedals_where_it_has_them() {
+    let mut recording = recording(20, "human", false);
+    let page = |recording: &Recording, world: &World| {
+        let summary = summary(recording, world, "test");
+        html(&Page::default(), &[run(recording, &summary, Some(world))])
+    };
+    let pieces =
+        "pieces = [{ kind = \"straight\", length_m = 2 }, { kind = \"arc\", radius_m = 0.5, turn_deg = 90 }]";
+    let bent = world_along(pieces);
+    let shown = page(&recording, &bent);
+    assert_well_formed(&shown);
+    assert!(shown.contains("Hard curve 1") && shown.contains("% of the lap: the driven path over"));
+    assert!(!shown.contains(">Throttle<"), "it has no pedal");
+    assert!(!page(&recording, &world()).contains("Hard curve"));
+    for step in &mut recording.steps {
+        step.command.drive = Drive::Throttle(0.25);
+    }
+    assert!(page(&recording, &bent).contains(">Throttle<"));
 }
