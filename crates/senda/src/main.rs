@@ -92,7 +92,13 @@ fn main() -> std::process::ExitCode {
         Some(Command::Bench(arguments)) => commands::bench::run(arguments),
     };
     match result {
+        // What was done until then is saved, but it is not the whole.
+        Ok(()) if terminal::ended_early() => terminal::INTERRUPTED_CODE.into(),
         Ok(()) => std::process::ExitCode::SUCCESS,
+        Err(error) if error.is::<terminal::Interrupted>() => {
+            terminal::tell(&error.to_string());
+            terminal::INTERRUPTED_CODE.into()
+        }
         Err(error) => {
             terminal::complain(&error);
             std::process::ExitCode::FAILURE

@@ -4,7 +4,11 @@ use indicatif::{ProgressBar, ProgressStyle};
 use senda_run::Ears;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
+/// What the program ends with after Ctrl-C: 128 and the signal's number, as shells count.
+pub(crate) const INTERRUPTED_CODE: u8 = 130;
+
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+static TAKEN: AtomicBool = AtomicBool::new(false);
 static PRESSES: AtomicU8 = AtomicU8::new(0);
 
 /// Ctrl-C ends the work in good order; a second one ends the program.
@@ -12,7 +16,7 @@ pub(crate) fn listen_for_interrupts() {
     let listening = ctrlc::set_handler(|| {
         INTERRUPTED.store(true, Ordering::SeqCst);
         if PRESSES.fetch_add(1, Ordering::SeqCst) > 0 {
-            std::process::exit(130);
+            std::process::exit(INTERRUPTED_CODE.into());
         }
     });
     if let Err(error) = listening {
@@ -34,9 +38,31 @@ pub(crate) fn end_with_the_reader() {
     }
 }
 
+/// Why a command gives nothing: Ctrl-C came first. It is told as it stands, for it is no error.
+#[derive(Debug)]
+pub(crate) struct Interrupted(pub(crate) String);
+
+impl std::fmt::Display for Interrupted {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "interrupted{}", self.0)
+    }
+}
+
+impl std::error::Error for Interrupted {}
+
 /// Whether Ctrl-C was pressed.
 pub(crate) fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::SeqCst)
+}
+
+/// From now on Ctrl-C is how a person ends what they do, and what is done until then is the whole.
+pub(crate) fn take_interrupts() {
+    TAKEN.store(true, Ordering::SeqCst);
+}
+
+/// Whether Ctrl-C ended the command before its end.
+pub(crate) fn ended_early() -> bool {
+    interrupted() && !TAKEN.load(Ordering::SeqCst)
 }
 
 /// Nanoseconds of a monotonic clock.

@@ -183,7 +183,10 @@ fn a_sweep_gives_rates_with_intervals_and_goes_on_where_it_was() {
     ]
     .concat();
     let first = json(&arguments);
-    assert_eq!(first["runs"], 4);
+    assert_eq!(
+        (&first["runs"], &first["interrupted"]),
+        (&4.into(), &false.into())
+    );
     let lines = std::fs::read_to_string(&results).unwrap().lines().count();
     assert_eq!(lines, 4);
     json(&arguments);
@@ -217,13 +220,127 @@ fn an_interrupted_recording_stays_readable() {
         assert!(child.try_wait().unwrap().is_none(), "the run ended by itself");
         std::thread::yield_now();
     }
+    interrupt(&child);
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    senda(&["replay", text(&path)]).success();
+}
+
+/// Sends what Ctrl-C sends.
+#[cfg(unix)]
+fn interrupt(child: &std::process::Child) {
     let killed = std::process::Command::new("kill")
         .args(["-INT", &child.id().to_string()])
         .status()
         .unwrap();
     assert!(killed.success());
-    assert!(child.wait().unwrap().success());
-    senda(&["replay", text(&path)]).success();
+}
+
+/// Starts a command, interrupts it as soon as it is `ready`, and gives what it printed. The program must end with 130.
+#[cfg(target_os = "linux")]
+fn interrupted(arguments: &[&str], ready: &dyn Fn() -> bool) -> String {
+    let program = assert_cmd::cargo::cargo_bin("senda");
+    let mut child = std::process::Command::new(program)
+        .args(arguments)
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    // Before the program listens, the signal would end it at once.
+    let listens = |id: u32| {
+        let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
+        let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+        caught.is_some_and(|mask| u64::from_str_radix(mask.trim(), 16).unwrap() & 2 != 0)
+    };
+    while !(listens(child.id()) && ready()) {
+        assert!(child.try_wait().unwrap().is_none(), "it ended by itself");
+        std::thread::yield_now();
+    }
+    interrupt(&child);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// They ended with 0, as if they had done all of it.
+#[cfg(target_os = "linux")]
+#[test]
+fn what_is_interrupted_says_so_and_keeps_what_it_has() {
+    let folder = tempfile::tempdir().unwrap();
+    let (results, tour) = (
+        folder.path().join("results.jsonl"),
+        folder.path().join("tour.html"),
+    );
+    let sweep = [
+        &["sweep", "--json", "--seeds", "5000", "--results", text(&results)],
+        &SHORT[..],
+    ]
+    .concat();
+    let lines = || std::fs::read_to_string(&results).map_or(0, |text| text.lines().count());
+    let told = interrupted(&sweep, &|| lines() > 0);
+    let told: serde_json::Value = serde_json::from_str(&told).unwrap();
+    assert_eq!(
+        (&told["interrupted"], &told["wanted"]),
+        (&true.into(), &5000.into())
+    );
+    assert_eq!(told["runs"].as_u64().unwrap(), lines() as u64);
+
+    let told = interrupted(&["tour", "--report", text(&tour)], &|| true);
+    assert!(told.contains("interrupted: 6 of 6 runs are cut short"), "{told}");
+    assert!(
+        std::fs::read_to_string(&tour)
+            .unwrap()
+            .contains("interrupted after")
+    );
+
+    let told = interrupted(&["drive", "--laps", "1000"], &|| true);
+    assert!(told.contains("interrupted after 0 %"), "{told}");
+
+    let drive = [
+        "drive",
+        "--world",
+        "oval",
+        "--time-limit",
+        "30",
+        "--record",
+        text(folder.path()),
+    ];
+    senda(&drive).success();
+    let (recording, report) = (
+        folder.path().join("oval-gopigo-line-1.mcap"),
+        folder.path().join("replay.html"),
+    );
+    let told = interrupted(&["replay", text(&recording), "--report", text(&report)], &|| true);
+    assert!(told.contains("interrupted after "), "{told}");
+    assert!(
+        std::fs::read_to_string(&report)
+            .unwrap()
+            .contains("interrupted after ")
+    );
+}
+
+/// Rates over no run at all were given as the result of the sweep.
+#[test]
+fn a_sweep_with_runs_that_could_not_be_run_says_how_many_and_fails() {
+    let sweep = |worlds: &str| {
+        let arguments = [
+            "sweep",
+            "--driver",
+            "line",
+            "--time-limit",
+            "1",
+            "--worlds",
+            worlds,
+        ];
+        senda(&arguments).failure().code(1)
+    };
+    sweep("oval,no-such-world")
+        .stdout(predicate::str::contains(
+            "1 of 2 runs could not be run and count in no rate",
+        ))
+        .stderr(predicate::str::contains(
+            "error: 1 of 2 runs could not be run; the first: senda drive --world no-such-world",
+        ));
+    sweep("no-such-world").stderr(predicate::str::contains("error: 1 of 1 runs could not be run"));
 }
 
 /// A limit on file sizes stands for the full disk: writing fails in the middle of a file in the same way.

@@ -7,6 +7,9 @@ use senda_core::{Body, Truth};
 use senda_data::Recording;
 use serde::{Deserialize, Serialize};
 
+/// [`Summary::ended`] of a run that somebody interrupted.
+pub const INTERRUPTED: &str = "interrupted";
+
 /// One run in figures. Field names and units are those of the JSON form.
 ///
 /// Figures that need the true pose are `null` on a vehicle that does not know it.
@@ -184,6 +187,12 @@ impl Summary {
     pub fn verdict(&self) -> (String, bool) {
         if self.completed {
             return ("completed".into(), true);
+        }
+        if self.ended == INTERRUPTED {
+            let place = self.completion.map_or(String::new(), |part| {
+                format!(" after {} %", text::fixed(100.0 * part, 0))
+            });
+            return (format!("{INTERRUPTED}{place}"), false);
         }
         if self.departures > 0 {
             let place = self

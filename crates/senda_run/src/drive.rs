@@ -38,7 +38,7 @@ impl Ending {
             Self::Stopped => "the driver stopped",
             Self::TimeOut => "time over",
             Self::Done => "the driver has done its work",
-            Self::Interrupted => "interrupted",
+            Self::Interrupted => senda_eval::summary::INTERRUPTED,
             Self::EndOfData => "end of the data",
         }
     }

@@ -132,10 +132,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let done = with_crew(jobs, "compare", |crew| comparison.work(part, crew))?;
     tell_costs(&done, terminal::seconds_since(began_ns));
     if done.interrupted {
-        bail!(
-            "interrupted; what is done is kept in {}: run the same command again to go on",
+        bail!(terminal::Interrupted(format!(
+            "; what is done is kept in {}: run the same command again to go on",
             folder.display()
-        );
+        )));
     }
     if part.count > 1 {
         println!(
@@ -180,7 +180,9 @@ fn tell(comparison: &Comparison, outputs: &Outputs, jobs: usize) -> Result<()> {
     if let Some(path) = &outputs.report {
         let made = with_crew(jobs, "report", |crew| comparison.plots(&results, crew))?;
         let Some((laps, parts)) = made else {
-            bail!("interrupted before the report was written; run the same command again");
+            bail!(terminal::Interrupted(
+                " before the report was written; run the same command again".to_owned()
+            ));
         };
         write_report(path, comparison, &results, &tables, &parts, &laps)?;
         eprintln!("report: {}", path.display());

@@ -9,7 +9,10 @@ use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use senda_eval::Summary;
-use senda_run::{Scenario, drive};
+use senda_run::{
+    Scenario,
+    drive::{self, Ending},
+};
 use std::{
     fs::File,
     io::{BufWriter, Cursor},
@@ -274,6 +277,12 @@ pub(crate) fn drive_and_keep(
     drop(ears);
     bar.finish_and_clear();
     outcome.summary.wall_s = terminal::seconds_since(began_ns);
+    if outcome.ending == Ending::Interrupted {
+        let driven_s = outcome.summary.duration_s;
+        terminal::tell(&format!(
+            "interrupted: all figures are of the {driven_s:.1} s until then"
+        ));
+    }
     if let (Some(path), Some(recording)) = (report, recording) {
         let title = format!(
             "{} drives {} on {}",

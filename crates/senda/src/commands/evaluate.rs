@@ -107,7 +107,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         json: arguments.json,
     };
     drive_all(&plan, &output(arguments.results, arguments.report))?;
-    if arguments.beside_lane {
+    if arguments.beside_lane && !terminal::interrupted() {
         println!("\nthe hand-coded lane follower over the same worlds, starts and speeds:");
         let mut plan = plan;
         plan.base.driver = "lane".to_owned();

@@ -1,7 +1,7 @@
 //! The four modes of driving (A1 in SPEC) and a person's hands.
 
 use super::drive::ScenarioFlags;
-use crate::cockpit::Cockpit;
+use crate::{cockpit::Cockpit, terminal};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use senda_core::Body;
@@ -155,6 +155,7 @@ pub(crate) fn seat(
             ears.progress = Box::new(move |part| progress.store((part * 1000.0) as u64, Ordering::Relaxed));
             // The cockpit hears interrupts itself: the vehicle stops first.
             ears.interrupted = Box::new(|| false);
+            terminal::take_interrupts();
             Box::new(cockpit)
         }
     };

@@ -129,7 +129,11 @@ fn of_runs(gaze: &mut Gaze, model: &Model, arguments: &Arguments, out: &Path) ->
         let mut place = 0;
         follow(gaze, recording, &mut |gaze, index, frame| {
             if terminal::interrupted() {
-                bail!("interrupted; {} pictures lie in {}", written.len(), out.display());
+                bail!(terminal::Interrupted(format!(
+                    "; {} pictures lie in {}",
+                    written.len(),
+                    out.display()
+                )));
             }
             bar.set_position((1000 * (number * count + place) / (runs.len() * count).max(1)) as u64);
             if wanted.binary_search(&place).is_ok() {

@@ -6,7 +6,7 @@ use super::{
     write_file,
 };
 use crate::terminal;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use senda_eval::{
     report::{Page, SweepRun, sweep_html, sweep_table},
@@ -185,7 +185,11 @@ pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
     bar.finish_and_clear();
     let wall_s = terminal::seconds_since(began_ns);
     let total = plan.runs()?.len();
-    if lines.len() < total {
+    let interrupted = lines.len() < total;
+    let mut head = Page::new(output.title, &command_line());
+    if interrupted {
+        head.notes
+            .push(format!("Interrupted after {} of {total} runs.", lines.len()));
         let again = match &output.results {
             Some(path) => format!("run the same command again to go on from {}", path.display()),
             None => "give --results FILE to be able to go on".to_owned(),
@@ -195,22 +199,20 @@ pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
     let runs: Vec<SweepRun> = lines.iter().map(sweep_run).collect();
     let table = sweep_table(&runs);
     if let Some(path) = &output.report {
-        write_file(
-            path,
-            sweep_html(&Page::new(output.title, &command_line()), &runs).as_bytes(),
-        )?;
+        write_file(path, sweep_html(&head, &runs).as_bytes())?;
         eprintln!("report: {}", path.display());
     }
     if output.json {
         let value = serde_json::json!({
             "runs": lines.len(),
             "wanted": total,
+            "interrupted": interrupted,
             "errors": table.errors,
             "wall_s": wall_s,
             "rows": table.rows,
         });
         println!("{}", serde_json::to_string_pretty(&value)?);
-        return Ok(());
+        return whole(&runs, table.errors, interrupted);
     }
     println!(
         "{:30} {:>6}  {:>24}  {:>24}  {:>12}",
@@ -233,11 +235,32 @@ pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
             error
         );
     }
+    if table.errors > 0 {
+        println!(
+            "{} of {} runs could not be run and count in no rate",
+            table.errors,
+            lines.len()
+        );
+    }
     for run in runs.iter().filter(|run| run.summary.is_none()).take(5) {
         eprintln!("could not be run: {}: {}", run.command, run.error);
     }
-    println!("\n{} runs in {wall_s:.1} s", lines.len());
-    Ok(())
+    println!("\n{} of {total} runs in {wall_s:.1} s", lines.len());
+    whole(&runs, table.errors, interrupted)
+}
+
+/// An error where some runs could not be run: what was told of the others is not what was asked for. An interrupted sweep ends as
+/// every interrupted command does.
+fn whole(runs: &[SweepRun], errors: u64, interrupted: bool) -> Result<()> {
+    match runs.iter().find(|run| run.summary.is_none()) {
+        Some(first) if !interrupted => bail!(
+            "{errors} of {} runs could not be run; the first: {}: {}",
+            runs.len(),
+            first.command,
+            first.error
+        ),
+        _ => Ok(()),
+    }
 }
 
 /// `98.4 % (96.9 to 99.2)`.

@@ -8,7 +8,7 @@ use crate::terminal;
 use anyhow::Result;
 use clap::Args;
 use rayon::prelude::*;
-use senda_eval::Summary;
+use senda_eval::{Summary, summary::INTERRUPTED};
 use senda_run::{Ears, Scenario, drive};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -82,6 +82,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         let summaries: Vec<&Summary> = runs.iter().map(|run| &run.summary).collect();
         println!("{}", serde_json::to_string_pretty(&summaries)?);
         return Ok(());
+    }
+    let cut_short = runs.iter().filter(|run| run.summary.ended == INTERRUPTED).count();
+    if cut_short > 0 {
+        println!("interrupted: {cut_short} of {} runs are cut short\n", runs.len());
     }
     println!("driver  world              floor            light      laps  lost  lane error mean   max");
     for PageRun { summary, .. } in &runs {

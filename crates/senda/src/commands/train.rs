@@ -337,7 +337,9 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     )?;
     bar.finish_and_clear();
     if trained.interrupted && trained.history.is_empty() {
-        bail!("interrupted before the first epoch was over: no model is written");
+        bail!(terminal::Interrupted(
+            " before the first epoch was over: no model is written".to_owned()
+        ));
     }
     let judge = |samples: &Samples| -> Result<Option<Judged>> {
         if samples.is_empty() {

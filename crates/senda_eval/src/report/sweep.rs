@@ -216,7 +216,11 @@ fn overview(table: &SweepTable) -> Section {
         } else {
             String::new()
         },
-        cards: table.rows.first().map(cards).unwrap_or_default(),
+        cards: table
+            .rows
+            .first()
+            .map(|all| cards(table, all))
+            .unwrap_or_default(),
         wide: true,
         figures,
         tables: vec![rates_table(table)],
@@ -225,15 +229,18 @@ fn overview(table: &SweepTable) -> Section {
 }
 
 /// The whole sweep in large type.
-fn cards(all: &SweepRow) -> Vec<Card> {
+fn cards(table: &SweepTable, all: &SweepRow) -> Vec<Card> {
     let interval = |rate: &Rate| format!("95 % interval {}", percent_range(rate));
     let mut cards = vec![
         Card::new(
             "Runs",
             all.completed.count.to_string(),
-            String::new(),
+            match table.errors {
+                0 => String::new(),
+                errors => format!("{errors} more could not be run"),
+            },
             "Runs that could be made",
-            "",
+            if table.errors > 0 { "bad" } else { "" },
         ),
         Card::new(
             "Without a loss",

@@ -59,7 +59,7 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
         let progress = |done: usize| bar.set_position((1000 * (taken + done) / total) as u64);
         let shots = shots(&scenes, &progress, &terminal::interrupted)?;
         if terminal::interrupted() {
-            bail!("interrupted: the data set is not whole");
+            bail!(terminal::Interrupted(": the data set is not whole".to_owned()));
         }
         std::fs::create_dir_all(folder.join(name))
             .with_context(|| format!("cannot make folder {}", folder.join(name).display()))?;

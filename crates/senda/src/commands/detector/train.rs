@@ -112,7 +112,9 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
     )?;
     bar.finish_and_clear();
     if trained.interrupted && trained.history.is_empty() {
-        bail!("interrupted before the first epoch was over: no model is written");
+        bail!(terminal::Interrupted(
+            " before the first epoch was over: no model is written".to_owned()
+        ));
     }
     model.weights = trained.weights;
     let judged = match &data.valid {

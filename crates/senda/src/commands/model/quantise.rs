@@ -47,7 +47,7 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
         &terminal::interrupted,
     )?;
     if terminal::interrupted() {
-        bail!("interrupted: no model is written");
+        bail!(terminal::Interrupted(": no model is written".to_owned()));
     }
     bar.finish_and_clear();
     let mut quantised = quantise(&model, &samples)?;
