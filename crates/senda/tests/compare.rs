@@ -27,7 +27,7 @@ epochs = 1
 batch = 8
 
 [judging]
-worlds = ["straight-lane"]
+worlds = ["s-curves-lane"]
 time_limit_s = 0.6
 
 [[row]]

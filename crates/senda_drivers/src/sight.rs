@@ -2,11 +2,11 @@
 
 use crate::candidate::{Candidate, Look, Rows, describe};
 use crate::options::{DriverError, check};
-use senda_core::{Body, Explanation, Frame, Observation, Stamp};
+use senda_core::{Body, Explanation, Frame, Image, Observation, Stamp};
 use senda_geom::{Camera, Vec2};
 use senda_vision::{
-    Contrast, ExtractorOptions, FloorMap, JoinLimits, LineBlob, LineExtractor, LineJoiner, Statistics,
-    WidthProfile,
+    BlobLimits, Contrast, ExtractorOptions, FloorMap, JoinLimits, LineBlob, LineExtractor, LineJoiner,
+    Statistics, WidthProfile,
 };
 use serde::{Deserialize, Serialize};
 
@@ -90,6 +90,28 @@ struct Eye {
     map: FloorMap,
     profile: WidthProfile,
     joiner: LineJoiner,
+}
+
+/// The lines of the frame that was looked at last, those of `pieces` or more joined. Two pieces may be smaller than a whole
+/// line.
+fn joined<'a>(
+    extractor: &'a mut LineExtractor,
+    joiner: &'a mut LineJoiner,
+    map: &FloorMap,
+    pieces: usize,
+    limits: &BlobLimits,
+) -> &'a [LineBlob] {
+    joiner.set_limits(JoinLimits {
+        pieces,
+        ..JoinLimits::default()
+    });
+    let fragments: &[LineBlob] = if pieces < DASHES {
+        extractor.fragments();
+        extractor.found_fragments()
+    } else {
+        &[]
+    };
+    joiner.join(extractor.blobs(), fragments, map, limits)
 }
 
 /// Images smaller than this to a side show nothing (px).
@@ -211,48 +233,28 @@ impl Sight {
         if !self.open(width, height) {
             return;
         }
+        self.choose_contrast(&frame.image);
         let Some(eye) = &mut self.eye else { return };
-        if let Some(tried) = self.tried {
-            self.contrast = Some(tried);
-        } else if !self.settled {
-            let scores = eye.extractor.contrast_scores(&frame.image);
-            self.votes = [
-                0.8 * self.votes[0] + scores.dark,
-                0.8 * self.votes[1] + scores.light,
-            ];
-            self.contrast = Some(if self.votes[0] == 0.0 && self.votes[1] == 0.0 {
-                eye.extractor.decide_contrast(&frame.image)
-            } else if self.votes[0] >= self.votes[1] {
-                Contrast::Dark
-            } else {
-                Contrast::Light
-            });
-        }
+        let Eye {
+            extractor,
+            map,
+            profile,
+            joiner,
+        } = eye;
         let contrast = self.contrast.unwrap_or(Contrast::Dark);
-        let count = eye.extractor.extract(&frame.image, contrast).len();
-        self.statistics = eye.extractor.statistics();
+        let count = extractor.extract(&frame.image, contrast).len();
+        self.statistics = extractor.statistics();
         // To begin with dashes, each of which is too small to be a line. Specks make chains too: only when neither contrast
         // shows anything better.
         let begins = count == 0 && !self.settled && self.tries >= TRIES_BEFORE_DASHES;
-        let lines = if begins || self.dashed || (self.settled && count >= DASHES) {
-            let fragments: &[LineBlob] = if begins || self.dashed {
-                eye.extractor.fragments();
-                eye.extractor.found_fragments()
-            } else {
-                &[]
-            };
-            eye.joiner.set_limits(JoinLimits {
-                pieces: if begins || self.dashed { 2 } else { DASHES },
-                ..JoinLimits::default()
-            });
-            let limits = &self.options.extractor.limits;
-            let blobs = eye.extractor.blobs();
-            let lines = eye.joiner.join(blobs, fragments, &eye.map, limits);
-            self.dashed |= lines.len() < blobs.len() || (begins && !lines.is_empty());
-            lines
+        let lines = if begins || self.dashed {
+            joined(extractor, joiner, map, 2, &self.options.extractor.limits)
+        } else if self.settled && count >= DASHES {
+            joined(extractor, joiner, map, DASHES, &self.options.extractor.limits)
         } else {
-            eye.extractor.blobs()
+            extractor.blobs()
         };
+        self.dashed |= lines.len() < count || (begins && !lines.is_empty());
         for blob in lines {
             if self.known.is_some_and(|look| !look.stands_out(blob)) {
                 continue;
@@ -263,12 +265,33 @@ impl Sight {
                 None => Rows::Whole,
             };
             let candidate = next(&mut self.candidates, &mut self.count);
-            describe(blob, &eye.map, &eye.profile, &self.options, rows, candidate);
+            describe(blob, map, profile, &self.options, rows, candidate);
         }
         if begins && self.count == 0 && self.tries >= TRIES_BEFORE_ONE_DASH {
             self.take_single_dashes();
         }
         self.whole = self.count;
+    }
+
+    /// Dark or light lines: what is being tried, else what the frames so far show more of, as long as no line has been tracked.
+    fn choose_contrast(&mut self, image: &Image) {
+        let Some(eye) = &mut self.eye else { return };
+        if let Some(tried) = self.tried {
+            self.contrast = Some(tried);
+        } else if !self.settled {
+            let scores = eye.extractor.contrast_scores(image);
+            self.votes = [
+                0.8 * self.votes[0] + scores.dark,
+                0.8 * self.votes[1] + scores.light,
+            ];
+            self.contrast = Some(if self.votes[0] == 0.0 && self.votes[1] == 0.0 {
+                eye.extractor.decide_contrast(image)
+            } else if self.votes[0] >= self.votes[1] {
+                Contrast::Dark
+            } else {
+                Contrast::Light
+            });
+        }
     }
 
     /// To begin where a short view shows one dash and a gap: dashes that stand out far more than specks do.
@@ -288,9 +311,8 @@ impl Sight {
                 Rows::Whole,
                 candidate,
             );
-            let ends = (candidate.points.first(), candidate.points.last());
-            let (Some(near), Some(far)) = ends else { continue };
-            if (far.at - near.at).length() < SINGLE_DASH_M {
+            let ends = candidate.points.first().zip(candidate.points.last());
+            if !ends.is_some_and(|(near, far)| (far.at - near.at).length() >= SINGLE_DASH_M) {
                 self.count -= 1;
             }
         }
