@@ -1,7 +1,7 @@
 #!/bin/bash
 # A comparison as a Slurm array of 20 parts. Submit it, then the joining, which waits for all of them:
 #   array=$(sbatch --parsable scripts/compare-slurm.sh)
-#   sbatch --dependency=afterok:"$array" --wrap 'senda merge part-{1..20} --out whole --report report.html --markdown report.md'
+#   sbatch --dependency=afterok:"$array" --wrap 'senda merge $(seq -f part-%g 20) --out whole --report report.html --markdown report.md'
 # A part that was cut off by the time limit goes on when it is submitted again: sbatch --array=7 scripts/compare-slurm.sh
 #SBATCH --job-name=senda-compare
 #SBATCH --array=1-20
