@@ -75,6 +75,10 @@ pub(crate) struct GroupRun<'a> {
     most_looks_log2: u8,
 }
 
+#[cfg_attr(
+    not(target_arch = "x86_64"),
+    expect(dead_code, reason = "only the vector loops look ahead")
+)]
 impl<'a> GroupRun<'a> {
     pub(crate) fn len(self) -> usize {
         self.positions.len()
