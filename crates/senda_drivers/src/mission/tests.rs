@@ -136,14 +136,20 @@ fn a_sign_that_the_code_contradicts_brings_the_package_back() {
     assert!(!driver.delivered);
 }
 
+/// A mission that waits for a light.
+fn waiting(options: MissionOptions) -> MissionDriver {
+    let mut driver = driver(options);
+    driver.step = Step::WaitGreen;
+    driver.light.begin_waiting(Stamp::default());
+    driver
+}
+
 #[test]
 fn a_light_that_never_turns_ends_the_mission() {
-    let mut driver = driver(MissionOptions {
+    let mut driver = waiting(MissionOptions {
         light_limit_s: 3.0,
         ..MissionOptions::default()
     });
-    driver.step = Step::WaitGreen;
-    driver.light.begin_waiting(Stamp::default());
     let events = until_done(&mut driver, None, 20.0);
     assert_eq!(
         events,
@@ -154,12 +160,10 @@ fn a_light_that_never_turns_ends_the_mission() {
 /// Grey frames show no light: it is searched for again, and the mission does not wait for it for ever.
 #[test]
 fn a_light_that_is_not_there_is_searched_for_again() {
-    let mut driver = driver(MissionOptions {
+    let mut driver = waiting(MissionOptions {
         light_there_s: 2.0,
         ..MissionOptions::default()
     });
-    driver.step = Step::WaitGreen;
-    driver.light.begin_waiting(Stamp::default());
     let events = until_done(&mut driver, None, 60.0);
     assert_eq!(
         events,
