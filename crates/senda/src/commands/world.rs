@@ -296,6 +296,12 @@ fn write_world(world: &World, out: &Path, json: bool) -> Result<()> {
     terminal::answer(json, &value, &format!("{}: {length_m:.2} m", out.display()))
 }
 
+/// Names with their descriptions.
+fn listed<T: serde::Serialize>(pairs: &[(T, T)]) -> Vec<Value> {
+    let one = |(name, description): &(T, T)| json!({ "name": name, "description": description });
+    pairs.iter().map(one).collect()
+}
+
 fn list(json: bool) -> Result<()> {
     let pair = |(name, description): (&str, String)| (name.to_owned(), description);
     let worlds = World::names().map(|name| {
@@ -312,23 +318,13 @@ fn list(json: bool) -> Result<()> {
     let worlds: Vec<_> = worlds.map(pair).collect();
     let vehicles: Vec<_> = vehicles.map(pair).collect();
     if json {
-        let listed = |pairs: &[(String, String)]| -> Vec<Value> {
-            let one =
-                |(name, description): &(String, String)| json!({ "name": name, "description": description });
-            pairs.iter().map(one).collect()
-        };
-        let fixed = |pairs: &[(&str, &str)]| -> Vec<Value> {
-            let one =
-                |(name, description): &(&str, &str)| json!({ "name": name, "description": description });
-            pairs.iter().map(one).collect()
-        };
         let all = json!({
             "worlds": listed(&worlds),
-            "families": fixed(&random::FAMILIES),
+            "families": listed(&random::FAMILIES),
             "vehicles": listed(&vehicles),
             "floors": FLOOR_PRESETS,
             "lights": LIGHT_PRESETS,
-            "drivers": fixed(&senda_run::pilot::DRIVERS),
+            "drivers": listed(&senda_run::pilot::DRIVERS),
         });
         return terminal::print(&serde_json::to_string_pretty(&all)?);
     }
