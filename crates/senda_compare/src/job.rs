@@ -1,7 +1,7 @@
 //! A plan as jobs: each makes one file, named by a hash of everything that it depends on.
 
 use crate::CompareError;
-use crate::plan::{Condition, Plan, Purpose, Row};
+use crate::plan::{Condition, Control, Plan, Purpose, Row};
 use senda_drivers::Answer;
 use senda_learn::Training;
 use senda_learn::gather::Selection;
@@ -386,7 +386,12 @@ fn unit(
             continue;
         }
         let mut driven = Vec::new();
-        for lap in lap_scenarios(plan, condition, builder)? {
+        for mut lap in lap_scenarios(plan, condition, builder)? {
+            if row.control != Control::Steering {
+                // From rest in the middle of a lap, where nobody ever stood, many would not press the pedal, and a lap
+                // that was not driven says nothing about steering.
+                lap.start.speed_mps = plan.speed_mps;
+            }
             let title = format!(
                 "{} on {}, seed {seed}, {}",
                 row.identity(),

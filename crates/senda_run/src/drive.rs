@@ -107,6 +107,7 @@ fn run_with<W: Write + Seek>(
         ),
         offset_m: scenario.start.offset_m,
         heading_rad: scenario.start.heading_rad,
+        speed_mps: scenario.start.speed_mps,
     };
     let options = SimOptions {
         seed: scenario.seed,

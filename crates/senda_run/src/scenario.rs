@@ -86,6 +86,9 @@ pub struct StartOffset {
     /// Turned to the left of the path's direction (rad).
     #[serde(default)]
     pub heading_rad: f64,
+    /// Speed with which it rolls already (m/s).
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub speed_mps: f64,
 }
 
 fn one() -> u32 {
@@ -199,7 +202,7 @@ impl Scenario {
             return wrong("lost_frames", self.lost_frames.to_string(), "0 to 1");
         }
         let start = self.start;
-        if ![start.station_m, start.offset_m, start.heading_rad]
+        if ![start.station_m, start.offset_m, start.heading_rad, start.speed_mps]
             .iter()
             .all(|number| number.is_finite())
         {

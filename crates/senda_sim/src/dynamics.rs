@@ -131,6 +131,13 @@ impl Dynamics {
         }
     }
 
+    /// The same, rolling straight ahead already.
+    pub fn rolling(mut self, speed_mps: f64) -> Self {
+        self.state.speed_mps = speed_mps;
+        self.state.wheels_mps = [speed_mps; 2];
+        self
+    }
+
     /// Length of a step (ns): the largest divisor of the period that is at most 5 ms, in whole nanoseconds.
     pub fn step_ns(&self) -> u64 {
         self.step_ns

@@ -43,6 +43,8 @@ pub struct Start {
     pub offset_m: f64,
     /// Heading relative to the path's (rad), left positive.
     pub heading_rad: f64,
+    /// Speed with which it rolls already (m/s).
+    pub speed_mps: f64,
 }
 
 /// Which observations have pictures. Drivers that know the true state need none.

@@ -72,7 +72,7 @@ impl Simulator {
             .normalise_station(start.station_m.unwrap_or(world.start_station_m));
         let at = world.path.pose_at(station_m);
         let world_from_vehicle = at.compose(Pose2::new(0.0, start.offset_m, start.heading_rad));
-        let dynamics = Dynamics::new(spec, world_from_vehicle, options.seed);
+        let dynamics = Dynamics::new(spec, world_from_vehicle, options.seed).rolling(start.speed_mps);
         let cameras = match &scene {
             Some(scene) if options.images != Images::Never => spec
                 .cameras
@@ -91,6 +91,7 @@ impl Simulator {
             .fold(0.0, f64::max);
         let here = Past {
             world_from_vehicle,
+            speed_mps: start.speed_mps,
             ..Past::default()
         };
         let mut simulator = Self {

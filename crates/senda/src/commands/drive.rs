@@ -73,7 +73,10 @@ pub(crate) struct ScenarioFlags {
     /// Start turned to the left of the path's direction, in rad
     #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
     pub(crate) start_heading: Option<f64>,
-    /// The same in degrees
+    /// Start rolling already, in m/s
+    #[arg(long, value_name = "MPS", allow_negative_numbers = true)]
+    pub(crate) start_speed: Option<f64>,
+    /// The heading in degrees
     #[arg(
         long,
         value_name = "DEG",
@@ -128,6 +131,7 @@ impl ScenarioFlags {
         scenario.start.station_m = self.start_station.unwrap_or(scenario.start.station_m);
         let heading = self.start_heading.or(self.start_heading_deg.map(f64::to_radians));
         scenario.start.heading_rad = heading.unwrap_or(scenario.start.heading_rad);
+        scenario.start.speed_mps = self.start_speed.unwrap_or(scenario.start.speed_mps);
         scenario.calibration = self.calibration.clone().or(scenario.calibration);
         scenario.package = self.package.clone().or(scenario.package);
         scenario.time_limit_s = self.time_limit.or(scenario.time_limit_s);

@@ -158,6 +158,7 @@ pub(crate) fn as_command(scenario: &Scenario) -> String {
     flag("start-station", nonzero(start.station_m));
     flag("start-offset", nonzero(start.offset_m));
     flag("start-heading", nonzero(start.heading_rad));
+    flag("start-speed", nonzero(start.speed_mps));
     flag("time-limit", scenario.time_limit_s.map(|limit| limit.to_string()));
     flag("calibration", scenario.calibration.clone());
     for (key, value) in &scenario.driver_options {

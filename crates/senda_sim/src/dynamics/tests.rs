@@ -29,6 +29,17 @@ fn at_rest(spec: &VehicleSpec) -> Dynamics {
 }
 
 #[test]
+fn a_vehicle_that_begins_rolling_goes_on_as_it_rolls() {
+    for steering in [DIFFERENTIAL, ACKERMANN] {
+        let mut dynamics = at_rest(&ideal(steering, "")).rolling(0.5);
+        let state = run(&mut dynamics, Command::curvature(0.0, 0.5), 2.0);
+        let pose = state.world_from_vehicle;
+        assert!((pose.x_m - 1.0).abs() < 1e-9 && pose.y_m == 0.0, "{pose:?}");
+        assert!((state.speed_mps - 0.5).abs() < 1e-12);
+    }
+}
+
+#[test]
 fn a_unicycle_drives_a_circle_of_radius_speed_by_yaw_rate() {
     let mut dynamics = at_rest(&ideal(DIFFERENTIAL, ""));
     for _ in 0..7 {
