@@ -29,6 +29,8 @@ pub enum Figure {
     RmseTraining,
     /// RMSE of the throttle on laps never learned from; none for rows that only steer.
     RmseThrottle,
+    /// The same on the laps that were learned from.
+    RmseThrottleTraining,
     /// NVIDIA's autonomy: per cent of the time that nobody would have had to take over, at 6 s for each time further than a metre
     /// from the middle.
     Autonomy,
@@ -40,7 +42,7 @@ pub enum Figure {
 
 impl Figure {
     /// All.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Lane,
         Self::LaneMean,
         Self::LaneMax,
@@ -51,6 +53,7 @@ impl Figure {
         Self::Rmse,
         Self::RmseTraining,
         Self::RmseThrottle,
+        Self::RmseThrottleTraining,
         Self::Autonomy,
         Self::Clean,
         Self::FirstDeparture,
@@ -69,6 +72,7 @@ impl Figure {
             Self::Rmse => "rmse",
             Self::RmseTraining => "rmse-training",
             Self::RmseThrottle => "rmse-throttle",
+            Self::RmseThrottleTraining => "rmse-throttle-training",
             Self::Autonomy => "autonomy",
             Self::Clean => "clean",
             Self::FirstDeparture => "first-departure",
@@ -96,6 +100,7 @@ impl Figure {
             Self::Rmse => "RMSE, unseen laps",
             Self::RmseTraining => "RMSE, training laps",
             Self::RmseThrottle => "RMSE of throttle, unseen laps",
+            Self::RmseThrottleTraining => "RMSE of throttle, training laps",
             Self::Autonomy => "autonomy (%)",
             Self::Clean => "laps on the road (%)",
             Self::FirstDeparture => "first departure after (s)",
@@ -105,7 +110,7 @@ impl Figure {
     /// Decimals that tell something.
     pub fn decimals(self) -> usize {
         match self {
-            Self::Rmse | Self::RmseTraining | Self::RmseThrottle => 4,
+            Self::Rmse | Self::RmseTraining | Self::RmseThrottle | Self::RmseThrottleTraining => 4,
             Self::Lane | Self::LaneMean | Self::LaneMax | Self::Smoothness => 3,
             Self::Heading | Self::HeadingMean | Self::HeadingMax => 2,
             Self::Autonomy => 1,
@@ -132,7 +137,7 @@ impl Figure {
             Self::Autonomy => lap.autonomy.map(|part| 100.0 * part),
             Self::Clean => Some(if lap.completed { 100.0 } else { 0.0 }),
             Self::FirstDeparture => Some(lap.first_departure_s.unwrap_or(lap.duration_s)),
-            Self::Rmse | Self::RmseTraining | Self::RmseThrottle => None,
+            Self::Rmse | Self::RmseTraining | Self::RmseThrottle | Self::RmseThrottleTraining => None,
         }
     }
 
@@ -143,6 +148,7 @@ impl Figure {
             Self::Rmse => named("steering").map(|answer| answer.held_out),
             Self::RmseTraining => named("steering").map(|answer| answer.training),
             Self::RmseThrottle => named("throttle").map(|answer| answer.held_out),
+            Self::RmseThrottleTraining => named("throttle").map(|answer| answer.training),
             _ => {
                 let values: Option<Vec<f64>> = laps.iter().map(|lap| self.of_lap(lap)).collect();
                 mean(&values?)

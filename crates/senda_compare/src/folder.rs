@@ -73,17 +73,20 @@ pub struct Amount {
 }
 
 impl Comparison {
-    /// Opens a folder for a plan: makes it, and writes the resolved plan. Results of another plan stay, and serve where they are the
-    /// same jobs.
+    /// A plan and the folder of its results, in which nothing is changed. Results of another plan serve where they are the same jobs.
     pub fn open(plan: Plan, folder: &Path) -> Result<Self, CompareError> {
-        let jobs = Jobs::of(&plan)?;
-        std::fs::create_dir_all(folder).map_err(|source| CompareError::io(folder, source))?;
-        write(&folder.join(PLAN), plan.to_toml().as_bytes())?;
         Ok(Self {
+            jobs: Jobs::of(&plan)?,
             plan,
-            jobs,
             folder: folder.to_owned(),
         })
+    }
+
+    /// Makes the folder, and writes the resolved plan.
+    fn begin(&self) -> Result<(), CompareError> {
+        let folder = &self.folder;
+        std::fs::create_dir_all(folder).map_err(|source| CompareError::io(folder, source))?;
+        write(&folder.join(PLAN), self.plan.to_toml().as_bytes())
     }
 
     /// The plan.
@@ -118,6 +121,7 @@ impl Comparison {
 
     /// Does what is missing of a part. What is done stays, whatever happens.
     pub fn work(&self, part: PartOf, crew: &Crew) -> Result<Done, CompareError> {
+        self.begin()?;
         if part.count > 1 {
             write(&self.folder.join(PART), format!("{part}\n").as_bytes())?;
         }
@@ -188,6 +192,7 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Comparison, CompareError
         });
     };
     let whole = Comparison::open(plan, out)?;
+    whole.begin()?;
     let shop = whole.shop();
     for folder in folders {
         for task in whole.wanted(PartOf::WHOLE) {

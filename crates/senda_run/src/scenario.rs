@@ -202,9 +202,14 @@ impl Scenario {
             return wrong("lost_frames", self.lost_frames.to_string(), "0 to 1");
         }
         let start = self.start;
-        if ![start.station_m, start.offset_m, start.heading_rad, start.speed_mps]
-            .iter()
-            .all(|number| number.is_finite())
+        if ![
+            start.station_m,
+            start.offset_m,
+            start.heading_rad,
+            start.speed_mps,
+        ]
+        .iter()
+        .all(|number| number.is_finite())
         {
             return wrong("start", format!("{start:?}"), "finite numbers");
         }

@@ -166,7 +166,8 @@ fn tell_costs(done: &Done, wall_s: f64) {
 }
 
 fn duration(seconds: f64) -> String {
-    match seconds {
+    // A sum over nothing may be -0.
+    match seconds.max(0.0) {
         s if s < 120.0 => format!("{s:.0} s"),
         s if s < 7200.0 => format!("{:.0} min", s / 60.0),
         s => format!("{:.1} h", s / 3600.0),
