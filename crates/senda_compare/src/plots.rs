@@ -21,6 +21,7 @@ use senda_nets::Model;
 use senda_run::scenario::find_world;
 use senda_run::{Ears, drive};
 use senda_world::World;
+use std::path::PathBuf;
 
 /// A lap of one row that a page shows.
 pub struct Shown {
@@ -34,6 +35,8 @@ pub struct Shown {
     pub summary: Summary,
     /// What the driver's camera saw and what was commanded.
     pub recording: Recording,
+    /// File of the network that steered.
+    pub steered_by: PathBuf,
 }
 
 /// The world of the first judging lap, and that lap of every row, driven again (it is the same lap to the bit).
@@ -44,8 +47,15 @@ pub struct Laps {
     pub laps: Vec<Shown>,
 }
 
-/// A row's title, what its network answered to each frame, and what the human did.
-pub(crate) type BesideHuman = (String, Vec<f64>, Vec<f64>);
+/// What a network answered to a human's frames, and the human.
+pub(crate) struct BesideHuman {
+    /// Of the row.
+    title: String,
+    /// `steering` or `throttle`.
+    output: String,
+    network: Vec<f64>,
+    human: Vec<f64>,
+}
 
 impl Shop<'_> {
     /// Drives the first judging lap of every row again, this time with pictures. `None` when somebody interrupted.
@@ -89,6 +99,7 @@ impl Shop<'_> {
                 title: title(row),
                 summary: outcome.summary,
                 recording,
+                steered_by: self.path(unit.models[0]),
             });
         }
         Ok(Some(Laps { world, laps }))
@@ -105,30 +116,31 @@ impl Shop<'_> {
                 .find(|unit| unit.row == lap.row && unit.seed == lap.seed);
             let Some(unit) = unit else { continue };
             let judge: &Task = &self.jobs.tasks[unit.offline];
-            // Needs: models, then for each model its training and its held-out frames.
-            let held_out = judge.needs[unit.models.len() + 1];
-            let samples = self.samples(held_out)?;
-            let first = samples.part(|run| {
-                if run.frames.start == 0 {
-                    0..run.frames.len()
-                } else {
-                    0..0
+            for (number, path) in unit.models.iter().enumerate() {
+                let samples = self.samples(held_out(judge, unit.models.len(), number))?;
+                let first = samples.part(|run| {
+                    if run.frames.start == 0 {
+                        0..run.frames.len()
+                    } else {
+                        0..0
+                    }
+                });
+                let model = Model::load(&self.path(*path))?;
+                let answers = offline::answers(&model, &first);
+                let outputs = first.outputs.max(1);
+                for (index, output) in model.outputs.iter().enumerate() {
+                    let every = |values: &[f32]| {
+                        let mine = values.iter().skip(index).step_by(outputs);
+                        mine.map(|value| f64::from(*value)).collect()
+                    };
+                    told.push(BesideHuman {
+                        title: lap.title.clone(),
+                        output: output.name.clone(),
+                        network: every(&answers),
+                        human: every(&first.targets),
+                    });
                 }
-            });
-            let model = Model::load(&self.path(unit.models[0]))?;
-            let outputs = first.outputs.max(1);
-            let steering = |values: &[f32]| {
-                values
-                    .iter()
-                    .step_by(outputs)
-                    .map(|value| f64::from(*value))
-                    .collect()
-            };
-            told.push((
-                lap.title.clone(),
-                steering(&offline::answers(&model, &first)),
-                steering(&first.targets),
-            ));
+            }
         }
         Ok(told)
     }
@@ -139,12 +151,21 @@ impl Shop<'_> {
             .jobs
             .units
             .iter()
-            .map(|unit| self.jobs.tasks[unit.offline].needs[unit.models.len() + 1])
+            .flat_map(|unit| {
+                let judge = &self.jobs.tasks[unit.offline];
+                let count = unit.models.len();
+                (0..count).map(move |number| held_out(judge, count, number))
+            })
             .collect();
         needed.sort_unstable();
         needed.dedup();
         needed
     }
+}
+
+/// The job of a model's held-out frames: an offline judgement needs its models, then the training and the held-out frames of each.
+fn held_out(judge: &Task, models: usize, number: usize) -> usize {
+    judge.needs[models + 2 * number + 1]
 }
 
 fn title(row: &Row) -> String {
@@ -248,14 +269,11 @@ pub(crate) fn parts(rows: &[Row], shown: &Laps, beside_human: &[BesideHuman]) ->
             });
         }
     }
-    let figures: Vec<PartFigure> = beside_human
-        .iter()
-        .map(|(title, network, human)| human_figure(title, network, human))
-        .collect();
+    let figures: Vec<PartFigure> = beside_human.iter().map(human_figure).collect();
     if !figures.is_empty() {
         parts.push(Part {
             title: "Frame by frame, network against human".into(),
-            intro: "The steering that a human gave on the first held-out lap, and what each network answers to the same frames (B6).".into(),
+            intro: "The steering and throttle that a human gave on the first held-out lap, and what each network answers to the same frames (B6).".into(),
             figures,
             ..Part::default()
         });
@@ -369,7 +387,7 @@ fn map_figure(group: &[(&Row, &Columns)], world: &World, window: Option<[Vec2; 2
     }
 }
 
-fn human_figure(title: &str, network: &[f64], human: &[f64]) -> PartFigure {
+fn human_figure(told: &BesideHuman) -> PartFigure {
     let series = |name: &str, values: &[f64], colour: usize| Series {
         name: name.into(),
         key: String::new(),
@@ -382,17 +400,23 @@ fn human_figure(title: &str, network: &[f64], human: &[f64]) -> PartFigure {
         stroke: Stroke::Thin,
     };
     let plot = LinePlot {
-        name: format!("Steering of a human and of {title}"),
+        name: format!("{} of a human and of {}", told.output, told.title),
         x: Axis::new("frame", ""),
-        y: Axis::new("steering", "").including(0.0),
-        series: vec![series("human", human, 6), series("network", network, 0)],
+        y: Axis::new(&told.output, "").including(0.0),
+        series: vec![
+            series("human", &told.human, 6),
+            series("network", &told.network, 0),
+        ],
         width_px: 980.0,
         height_px: 220.0,
         ..LinePlot::default()
     };
     PartFigure {
-        title: title.into(),
+        title: format!("{}: {}", told.title, told.output),
         svg: plot.svg(),
-        caption: "Parts of full lock, left positive.".into(),
+        caption: match told.output.as_str() {
+            "steering" => "Parts of full lock, left positive.".into(),
+            _ => "Brakes -1 to full throttle 1.".to_owned(),
+        },
     }
 }

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use indicatif::ProgressBar;
 use senda_compare::{Comparison, Cost, Crew, Done, Figure, Laps, PartOf, Plan, Progress, Results, merge};
-use senda_eval::report::{Page, Part, ReportRun, parts_html, parts_markdown};
+use senda_eval::report::{Look, Page, Part, ReportRun, parts_html, parts_markdown};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -167,7 +167,7 @@ fn tell_costs(done: &Done, wall_s: f64) {
 
 fn duration(seconds: f64) -> String {
     // A sum over nothing may be -0.
-    match seconds.max(0.0) {
+    match seconds + 0.0 {
         s if s < 120.0 => format!("{s:.0} s"),
         s if s < 7200.0 => format!("{:.0} min", s / 60.0),
         s => format!("{:.1} h", s / 3600.0),
@@ -232,11 +232,25 @@ fn write_report(
     plots: &[Part],
     laps: &Laps,
 ) -> Result<()> {
-    let shown: Vec<ReportRun> = players(comparison, results, laps)
-        .into_iter()
-        .map(|lap| &laps.laps[lap])
-        .map(|lap| ReportRun {
-            look: None,
+    let chosen = players(comparison, results, laps);
+    let bar = terminal::bar("what networks look at");
+    // Networks without convolutions look at nothing that can be shown.
+    let looks: Vec<Option<Look>> = chosen
+        .iter()
+        .enumerate()
+        .map(|(number, lap)| {
+            bar.set_position((1000 * number / chosen.len()) as u64);
+            let lap = &laps.laps[*lap];
+            super::look::for_player(&lap.steered_by, &lap.recording).ok()
+        })
+        .collect();
+    bar.finish_and_clear();
+    let shown: Vec<ReportRun> = chosen
+        .iter()
+        .zip(&looks)
+        .map(|(lap, look)| (&laps.laps[*lap], look))
+        .map(|(lap, look)| ReportRun {
+            look: look.as_ref(),
             title: &lap.title,
             summary: &lap.summary,
             recording: &lap.recording,
