@@ -292,6 +292,7 @@ fn one(brief: &Brief, spec: &VehicleSpec, model: Option<&Model>, number: u64) ->
         station_m: Some(0.5 * world.path.length_m() * (1.0 + spread(1.0))),
         offset_m: spread(gathering.start_offset) * world.corridor_half_width_m,
         heading_rad: spread(gathering.start_heading_rad),
+        speed_mps: 0.0,
     };
     let [slow, fast] = gathering.speed_mps;
     let speed_mps = 0.5 * (slow + fast) + 0.5 * spread(1.0) * (fast - slow);

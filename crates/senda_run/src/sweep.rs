@@ -192,6 +192,7 @@ impl Plan {
                 offset_m: self.base.start.offset_m + spread(self.start_spread.offset_m),
                 heading_rad: self.base.start.heading_rad + spread(self.start_spread.heading_rad),
                 station_m: self.base.start.station_m + spread(self.start_spread.station_m).abs(),
+                speed_mps: self.base.start.speed_mps,
             };
             Scenario {
                 world: worlds[places[0]].clone(),

@@ -114,11 +114,13 @@ impl SimOptions {
             station_m,
             offset_m,
             heading_rad,
+            speed_mps,
         } = self.start;
         for (key, value) in [
             ("start.station_m", station_m.unwrap_or(0.0)),
             ("start.offset_m", offset_m),
             ("start.heading_rad", heading_rad),
+            ("start.speed_mps", speed_mps),
         ] {
             if !(-1e6..1e6).contains(&value) {
                 return wrong(key, "a number", value, "check where it was computed");

@@ -389,6 +389,7 @@ fn runs_start_where_asked_and_end_in_time() {
                 station_m: Some(1.0),
                 offset_m: -0.215,
                 heading_rad: 0.778,
+                speed_mps: 0.0,
             },
             duration_s: Some(0.2),
             ..options(0)

@@ -186,6 +186,7 @@ fn take(
             station_m: Some(place.station_m),
             offset_m: along.inverse().transform(pose.position()).y,
             heading_rad: senda_geom::angle::wrap(pose.heading_rad - along.heading_rad),
+            speed_mps: 0.0,
         },
         ..SimOptions::default()
     };
