@@ -36,13 +36,16 @@ pub enum Figure {
     Autonomy,
     /// Part of the laps that were driven without leaving the road (per cent).
     Clean,
+    /// Part of the lap that was driven when the run ended (per cent). A car that stands still leaves no road: autonomy,
+    /// unsteadiness and first departures say something beside this one only.
+    Driven,
     /// Time to the first departure; a lap without one counts with its length (s).
     FirstDeparture,
 }
 
 impl Figure {
     /// All.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::Lane,
         Self::LaneMean,
         Self::LaneMax,
@@ -56,6 +59,7 @@ impl Figure {
         Self::RmseThrottleTraining,
         Self::Autonomy,
         Self::Clean,
+        Self::Driven,
         Self::FirstDeparture,
     ];
 
@@ -75,6 +79,7 @@ impl Figure {
             Self::RmseThrottleTraining => "rmse-throttle-training",
             Self::Autonomy => "autonomy",
             Self::Clean => "clean",
+            Self::Driven => "driven",
             Self::FirstDeparture => "first-departure",
         }
     }
@@ -103,6 +108,7 @@ impl Figure {
             Self::RmseThrottleTraining => "RMSE of throttle, training laps",
             Self::Autonomy => "autonomy (%)",
             Self::Clean => "laps on the road (%)",
+            Self::Driven => "of the lap driven (%)",
             Self::FirstDeparture => "first departure after (s)",
         }
     }
@@ -114,13 +120,16 @@ impl Figure {
             Self::Lane | Self::LaneMean | Self::LaneMax | Self::Smoothness => 3,
             Self::Heading | Self::HeadingMean | Self::HeadingMax => 2,
             Self::Autonomy => 1,
-            Self::Clean | Self::FirstDeparture => 0,
+            Self::Clean | Self::Driven | Self::FirstDeparture => 0,
         }
     }
 
     /// Whether larger is better.
     pub fn more_is_better(self) -> bool {
-        matches!(self, Self::Autonomy | Self::Clean | Self::FirstDeparture)
+        matches!(
+            self,
+            Self::Autonomy | Self::Clean | Self::Driven | Self::FirstDeparture
+        )
     }
 
     /// Its value for one lap; `None` where a lap has none.
@@ -136,6 +145,7 @@ impl Figure {
             Self::Smoothness => lap.smoothness.command_change_radps2,
             Self::Autonomy => lap.autonomy.map(|part| 100.0 * part),
             Self::Clean => Some(if lap.completed { 100.0 } else { 0.0 }),
+            Self::Driven => lap.completion.map(|part| 100.0 * part.min(1.0)),
             Self::FirstDeparture => Some(lap.first_departure_s.unwrap_or(lap.duration_s)),
             Self::Rmse | Self::RmseTraining | Self::RmseThrottle | Self::RmseThrottleTraining => None,
         }

@@ -7,7 +7,7 @@ use crate::plan::{Claim, ClaimPart, Plan, Relation};
 use crate::work::{Offline, Shop, lap, read_json};
 use senda_eval::Summary;
 use senda_eval::paired::{PairedTest, holm, wilcoxon_signed_rank};
-use senda_eval::statistics::{Interval, mean, mean_interval};
+use senda_eval::statistics::{Interval, mean, mean_interval, rate};
 use serde::Serialize;
 
 /// Differences that are smaller than this part of what is compared with do not matter (our choice): "does not help" means "helps
@@ -35,7 +35,8 @@ pub struct Results {
 /// A figure over training seeds.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Spread {
-    /// Mean over the seeds with Student's 95 % interval; without ends where there is one seed.
+    /// Mean over the seeds with Student's 95 % interval, without ends where there is one seed; of a rate of laps Wilson's over
+    /// all laps.
     pub interval: Interval,
     /// Of each seed.
     pub seeds: Vec<f64>,
@@ -130,10 +131,14 @@ impl Results {
             .map(|trained| figure.of(&trained.laps, &trained.offline))
             .collect();
         let seeds = seeds?;
-        Some(Spread {
-            interval: mean_interval(&seeds)?,
-            seeds,
-        })
+        let mut interval = mean_interval(&seeds)?;
+        if figure == Figure::Clean {
+            let (hits, count) = self.clean_laps(row, condition);
+            let percent = |part: f64| 100.0 * part;
+            let Interval { value, low, high } = rate(hits, count).interval;
+            (interval.value, interval.low, interval.high) = (percent(value), percent(low), percent(high));
+        }
+        Some(Spread { interval, seeds })
     }
 
     /// Laps without leaving the road, and how many laps there were.

@@ -4,7 +4,7 @@ use crate::figure::Figure;
 use crate::plan::{Control, Plan};
 use crate::results::{MATTERS, Results};
 use senda_eval::report::{Part, PartTable};
-use senda_eval::statistics::{Interval, rate};
+use senda_eval::statistics::Interval;
 use senda_eval::text::fixed;
 
 /// All tables.
@@ -43,20 +43,6 @@ fn with_interval(interval: &Interval, decimals: usize) -> String {
 }
 
 fn cell(results: &Results, row: usize, condition: usize, figure: Figure) -> String {
-    if figure == Figure::Clean {
-        let (hits, count) = results.clean_laps(row, condition);
-        if count == 0 {
-            return "–".into();
-        }
-        let rate = rate(hits, count).interval;
-        let percent = |part: f64| fixed(100.0 * part, 0);
-        return format!(
-            "{} ({} to {})",
-            percent(rate.value),
-            percent(rate.low),
-            percent(rate.high)
-        );
-    }
     match results.spread(row, condition, figure) {
         Some(spread) => with_interval(&spread.interval, figure.decimals()),
         None => "–".into(),
@@ -155,7 +141,8 @@ fn seeds_words(plan: &Plan) -> String {
     };
     format!(
         "Means over {} training seeds of the mean over {laps} ({}, from {} of the lap), with Student's 95 % interval over the seeds; laps on the \
-road: Wilson's interval over all laps, which takes laps of one network as independent.",
+road: Wilson's interval over all laps, which takes laps of one network as independent. A car that stands still leaves no road and turns no wheel: \
+autonomy, unsteadiness and first departure are to be read beside the part of the lap that was driven.",
         plan.seeds,
         plan.judging.worlds.join(" and "),
         plan.judging
@@ -202,6 +189,7 @@ fn figures(plan: &Plan, results: &Results, control: Control, rows: &[usize]) -> 
                 Figure::Smoothness,
                 Figure::Autonomy,
                 Figure::Clean,
+                Figure::Driven,
                 Figure::FirstDeparture,
                 Figure::RmseThrottleTraining,
                 Figure::RmseThrottle,

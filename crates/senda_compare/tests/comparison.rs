@@ -199,6 +199,8 @@ fn interrupted_spread_and_joined_it_gives_the_same_bytes() {
     assert_eq!(fewer.amount(PartOf::WHOLE).left_s, 0.0);
     let judged = fewer.results().unwrap().judge(fewer.plan(), &plan.claims[0]);
     assert_eq!(judged.verdict, Verdict::Undecided);
+    // A folder holds the plan that was worked on last.
+    assert!(work(&fewer, PartOf::WHOLE, 1, &|| false));
     let error = merge(&[at("whole"), at("resumed")], &at("mixed"))
         .unwrap_err()
         .to_string();

@@ -277,9 +277,13 @@ impl Plan {
                 let to = &mut to[(y + top) * self.row_pitch..][..self.row_pitch];
                 match stride {
                     1 => to[left..left + row.len()].copy_from_slice(row),
-                    2 if left == 0 => {
+                    2 => {
                         let (even, odd) = to.split_at_mut(self.phase_width);
-                        split_two(row, even, odd);
+                        if left % 2 == 0 {
+                            split_two(row, &mut even[left / 2..], &mut odd[left / 2..]);
+                        } else {
+                            split_two(row, &mut odd[left / 2..], &mut even[left / 2 + 1..]);
+                        }
                     }
                     _ => {
                         for (x, value) in row.iter().enumerate() {
@@ -472,15 +476,15 @@ pub(crate) fn sum(values: &[f32]) -> f32 {
 }
 
 math::vectorised! {
-    /// Even and odd columns of a row.
-    fn split_two(row: &[f32], even: &mut [f32], odd: &mut [f32]) {
+    /// Columns 0, 2, … and 1, 3, … of a row.
+    fn split_two(row: &[f32], first: &mut [f32], second: &mut [f32]) {
         let pairs = row.chunks_exact(2);
         if let [last] = pairs.remainder() {
-            even[row.len() / 2] = *last;
+            first[row.len() / 2] = *last;
         }
-        for ((pair, even), odd) in pairs.zip(even).zip(odd) {
-            *even = pair[0];
-            *odd = pair[1];
+        for ((pair, first), second) in pairs.zip(first).zip(second) {
+            *first = pair[0];
+            *second = pair[1];
         }
     }
 }

@@ -295,16 +295,20 @@ fn write_markdown(path: &Path, comparison: &Comparison, tables: &[Part], plots: 
     parts.extend(for_markdown(plots));
     let (text, files) = parts_markdown(&parts, &stem);
     let plan = comparison.plan();
+    let worlds = |names: &[String]| match names {
+        [] => "none".to_owned(),
+        _ => names.join(", "),
+    };
     let head = format!(
         "# {}\n\n{}. {} rows, {} training seeds each; laps for training: {}; for tuning: {}; held out: {}; judged on: {}.\n\nMade by `{}`.\n\n",
         title(comparison),
         plan.description,
         plan.rows.len(),
         plan.seeds,
-        plan.data.training.join(", "),
-        plan.data.tuning.join(", "),
-        plan.data.held_out.join(", "),
-        plan.judging.worlds.join(", "),
+        worlds(&plan.data.training),
+        worlds(&plan.data.tuning),
+        worlds(&plan.data.held_out),
+        worlds(&plan.judging.worlds),
         command_line()
     );
     write_file(path, (head + &text).as_bytes())?;

@@ -8,6 +8,7 @@ use crate::checkpoint;
 use crate::train::{Epoch, News, Progress, Schedule, Trained};
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use senda_nets::{Boxed, DetectionLoss, DetectionSpec, InputSpec, Network, TrainOptions, Trainer, Weights};
 use senda_run::Ears;
 use serde::{Deserialize, Serialize};
@@ -140,11 +141,27 @@ pub fn train(
     let nothing = Answers { is_turn: Vec::new() };
     let shape = [input.channels(), input.height, input.width];
     let len = input.len();
-    let mut bytes = vec![0u8; len];
+    // A picture and its boxes, changed by what its own seed says, on whatever thread.
+    let prepare = |number: u32, index: usize, values: &mut [f32], [bytes, source]: &mut [Vec<u8>; 2]| {
+        bytes.clear();
+        bytes.extend_from_slice(pictures.picture(index));
+        let mut own = ChaCha8Rng::seed_from_u64(options.seed ^ u64::from(number) << 32);
+        own.set_stream(index as u64 + 1);
+        let boxes = jitter(
+            options.jitter,
+            shape,
+            bytes,
+            &pictures.truths[index],
+            source,
+            &mut own,
+        );
+        augment(&changes, shape, bytes, &mut [], &nothing, &mut own);
+        input.normalise(bytes, values);
+        boxes
+    };
     let mut inputs: Vec<f32> = Vec::new();
     let mut order: Vec<usize> = Vec::new();
     let mut truths: Vec<Vec<Boxed>> = Vec::new();
-    let mut source: Vec<u8> = Vec::new();
     let steps = pictures.len().div_ceil(options.batch) as u64;
     let of = steps * u64::from(options.epochs);
     for number in progress.history.len() as u32 + 1..=options.epochs {
@@ -163,23 +180,13 @@ pub fn train(
             learning_rate = options.learning_rate * Schedule::Smooth.factor(done as f64 / of as f64);
             trainer.set_learning_rate(learning_rate as f32);
             inputs.resize(batch.len() * len, 0.0);
-            truths.clear();
-            for (index, values) in batch.iter().zip(inputs.chunks_exact_mut(len)) {
-                bytes.copy_from_slice(pictures.picture(*index));
-                let mut own = ChaCha8Rng::seed_from_u64(options.seed ^ u64::from(number) << 32);
-                own.set_stream(*index as u64 + 1);
-                let boxes = &pictures.truths[*index];
-                truths.push(jitter(
-                    options.jitter,
-                    shape,
-                    &mut bytes,
-                    boxes,
-                    &mut source,
-                    &mut own,
-                ));
-                augment(&changes, shape, &mut bytes, &mut [], &nothing, &mut own);
-                input.normalise(&bytes, values);
-            }
+            batch
+                .par_iter()
+                .zip(inputs.par_chunks_exact_mut(len))
+                .map_init(Default::default, |scratch, (index, values)| {
+                    prepare(number, *index, values, scratch)
+                })
+                .collect_into_vec(&mut truths);
             let judge = |place: usize, output: &[f32], gradient: &mut [f32]| {
                 loss.of(output, &truths[place], gradient)
             };

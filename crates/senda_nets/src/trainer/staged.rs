@@ -100,12 +100,9 @@ impl Trainer {
                     let c = place % shape.channels;
                     let mean = f64::from(statistics.mean[c]);
                     totals[c] += if is_square {
-                        plane
-                            .iter()
-                            .map(|x| (f64::from(*x) - mean) * (f64::from(*x) - mean))
-                            .sum::<f64>()
+                        sum_of(plane, |x| (f64::from(x) - mean) * (f64::from(x) - mean))
                     } else {
-                        plane.iter().map(|x| f64::from(*x)).sum::<f64>()
+                        sum_of(plane, f64::from)
                     };
                 }
             }
@@ -166,14 +163,16 @@ impl Pass<'_> {
         group.sums.resize(2 * shape.channels, 0.0);
         for (place, (gradients, values)) in gradients.zip(values).enumerate() {
             let c = place % shape.channels;
-            let (mut sum, mut product) = (0.0f64, 0.0f64);
-            for (gradient, value) in gradients.iter().zip(values) {
-                let normal = (value - statistics.mean[c]) * statistics.inverse_deviation[c];
-                sum += f64::from(*gradient);
-                product += f64::from(gradient * normal);
-            }
-            group.sums[c] += sum;
-            group.sums[shape.channels + c] += product;
+            let (mean, factor) = (statistics.mean[c], statistics.inverse_deviation[c]);
+            group.sums[c] += sum_of(gradients, f64::from);
+            group.sums[shape.channels + c] += chains(
+                gradients.chunks(CHAINS).zip(values.chunks(CHAINS)),
+                |(gradients, values), sums| {
+                    for ((sum, gradient), value) in sums.iter_mut().zip(gradients).zip(values) {
+                        *sum += f64::from(gradient * ((value - mean) * factor));
+                    }
+                },
+            );
         }
         if let [Some(weight), Some(bias), ..] = &planned.gradient_ranges[..] {
             for c in 0..shape.channels {
@@ -182,4 +181,23 @@ impl Pass<'_> {
             }
         }
     }
+}
+
+/// Sums are added in so many chains side by side, then those in their order: faster than one, and the same everywhere.
+const CHAINS: usize = 8;
+
+fn chains<T>(parts: impl Iterator<Item = T>, add: impl Fn(T, &mut [f64; CHAINS])) -> f64 {
+    let mut sums = [0.0; CHAINS];
+    for part in parts {
+        add(part, &mut sums);
+    }
+    sums.iter().sum()
+}
+
+fn sum_of(values: &[f32], term: impl Fn(f32) -> f64) -> f64 {
+    chains(values.chunks(CHAINS), |part, sums| {
+        for (sum, value) in sums.iter_mut().zip(part) {
+            *sum += term(*value);
+        }
+    })
 }
