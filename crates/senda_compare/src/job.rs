@@ -390,7 +390,7 @@ fn unit(
             if row.control != Control::Steering {
                 // From rest in the middle of a lap, where nobody ever stood, many would not press the pedal, and a lap
                 // that was not driven says nothing about steering.
-                lap.start.speed_mps = plan.speed_mps;
+                lap.start.speed_mps = condition.speed_mps.unwrap_or(plan.speed_mps);
             }
             let title = format!(
                 "{} on {}, seed {seed}, {}",
@@ -421,14 +421,15 @@ fn lap_scenarios(
     condition: &Condition,
     builder: &mut Builder,
 ) -> Result<Vec<Scenario>, CompareError> {
+    let speed_mps = condition.speed_mps.unwrap_or(plan.speed_mps);
     let mut laps = Vec::new();
     for world in &plan.judging.worlds {
         let (length_m, _) = builder.world(world)?;
         for (number, part) in plan.judging.starts.iter().enumerate() {
-            let patient_s = plan.judging.patience * length_m / plan.speed_mps + 20.0;
+            let patient_s = plan.judging.patience * length_m / speed_mps + 20.0;
             laps.push(Scenario {
                 seed: number as u64 + 1,
-                speed_mps: Some(plan.speed_mps),
+                speed_mps: Some(speed_mps),
                 latency_s: condition.latency_s,
                 lost_frames: condition.lost_frames,
                 start: StartOffset {

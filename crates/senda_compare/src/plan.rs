@@ -264,6 +264,9 @@ pub struct Condition {
     pub latency_s: f64,
     /// Part of the frames that are lost.
     pub lost_frames: f64,
+    /// Another speed than the plan's (m/s).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_mps: Option<f64>,
     /// Identities of the rows that drive under it; empty: all.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub rows: Vec<String>,

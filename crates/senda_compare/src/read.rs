@@ -51,6 +51,7 @@ pub(crate) fn plan(source_name: &str, text: &str) -> Result<Plan, CompareError> 
             name: "as it is".into(),
             latency_s: 0.0,
             lost_frames: 0.0,
+            speed_mps: None,
             rows: Vec::new(),
         });
     }
@@ -295,6 +296,7 @@ fn condition(mut table: Table, identities: &[String]) -> Result<Condition, Compa
         name,
         latency_s: table.f64("latency_s", 0.0, 10.0, 0.0)?,
         lost_frames: table.f64("lost_frames", 0.0, 1.0, 0.0)?,
+        speed_mps: table.optional_f64("speed_mps", 0.01, 60.0)?,
         rows: listed(&mut table, "rows", identities)?,
     };
     table.finish()?;

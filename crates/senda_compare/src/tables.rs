@@ -402,8 +402,9 @@ fn conditions(plan: &Plan, results: &Results) -> Option<Part> {
         .iter()
         .map(|condition| {
             format!(
-                "{}: {} s later, {} % of the frames lost",
+                "{}: at {} m/s, {} s later, {} % of the frames lost",
                 condition.name,
+                condition.speed_mps.unwrap_or(plan.speed_mps),
                 condition.latency_s,
                 fixed(100.0 * condition.lost_frames, 0)
             )
@@ -414,6 +415,7 @@ fn conditions(plan: &Plan, results: &Results) -> Option<Part> {
         intro: format!("{}.", told.join("; ")),
         tables: vec![
             table(Figure::Lane, ", by condition."),
+            table(Figure::Heading, ", by condition."),
             table(Figure::Smoothness, ", by condition."),
             table(Figure::Clean, ", by condition."),
         ],

@@ -6,6 +6,7 @@ use crate::{InputSpec, Model, Provenance, Weights};
 use std::path::Path;
 
 const DETECTORS: &[(&str, &str)] = &[
+    ("detector", include_str!("../../../../networks/detector.cfg")),
     (
         "detector-small",
         include_str!("../../../../networks/detector-small.cfg"),
