@@ -91,10 +91,24 @@ impl Delivery {
         } else {
             "the package was not delivered"
         };
-        match self.events.last() {
-            Some(last) => format!("FAILED: {why}; last event: {}", last.text),
+        match self.reason() {
+            Some(event) => format!("FAILED: {why}; at {:.1} s {}", event.time_s, event.text),
             None => format!("FAILED: {why}"),
         }
+    }
+
+    /// Where the mission gave up or turned back with its package, in its own words; else the last thing that it reported. `None` of
+    /// a whole delivery.
+    pub fn reason(&self) -> Option<&Event> {
+        let turned = |event: &&Event| {
+            event.text.split_once(" -> ").is_some_and(|(from, to)| {
+                to.starts_with("failed")
+                    || (to.starts_with("return") && ["to_area", "take_street"].contains(&from))
+            })
+        };
+        let whole = self.is_whole();
+        let reason = self.events.iter().find(turned).or(self.events.last());
+        reason.filter(|_| !whole)
     }
 
     /// For people: one line a fact.
@@ -293,6 +307,36 @@ mod tests {
         stop_m: 0.26,
         front_m: 0.12,
     };
+
+    #[test]
+    fn a_failure_is_told_with_where_the_mission_turned() {
+        let event = |time_s, text: &str| Event {
+            time_s,
+            text: text.into(),
+        };
+        let delivery = Delivery {
+            events: vec![
+                event(1.0, "wait_package -> to_area: package read, I1"),
+                event(
+                    9.0,
+                    "take_street -> return: expected depot 1, but found the code of depot 0",
+                ),
+                event(30.0, "stop_at_start -> home: stands square"),
+            ],
+            ..Delivery::default()
+        };
+        assert!(
+            delivery
+                .headline()
+                .contains("at 9.0 s take_street -> return: expected depot 1")
+        );
+        let whole = Delivery {
+            correct: true,
+            returned: true,
+            ..delivery
+        };
+        assert_eq!(whole.reason(), None);
+    }
 
     /// Drives along stations of the ring or a street, standing where asked: (street, from, to, stand for s afterwards).
     fn drive(world: &World, legs: &[(Option<usize>, f64, f64, f64)]) -> Vec<Truth> {

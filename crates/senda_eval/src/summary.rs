@@ -194,6 +194,9 @@ impl Summary {
             });
             return (format!("{INTERRUPTED}{place}"), false);
         }
+        if let Some(delivery) = &self.delivery {
+            return (delivery.headline(), false);
+        }
         if self.departures > 0 {
             let place = self
                 .first_departure_percent

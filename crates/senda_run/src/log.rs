@@ -117,6 +117,18 @@ impl Log {
                 completed: delivery.is_whole(),
                 departures: delivery.departures,
                 delivery: Some(delivery),
+                // Streets branch: the world's path is no yardstick for what is driven on them.
+                completion: None,
+                laps: 0,
+                first_departure_s: None,
+                first_departure_percent: None,
+                interventions: 0,
+                autonomy: None,
+                lane_error_mean_m: None,
+                lane_error_max_m: None,
+                heading_error_mean_rad: None,
+                heading_error_max_rad: None,
+                other_means: senda_eval::summary::OtherMeans::default(),
                 ..summary
             },
             None => summary,

@@ -37,6 +37,11 @@ struct Outcome<'a> {
     world: &'a str,
     package: Option<&'a str>,
     seed: u64,
+    /// Whether the delivery was whole.
+    completed: bool,
+    /// Of one that was not: where the mission gave up or turned back.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reason: Option<&'a Event>,
     goal: Option<u8>,
     delivered_to: Option<u8>,
     correct: bool,
@@ -82,6 +87,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             world: &scenario.world,
             package: scenario.package.as_deref(),
             seed: scenario.seed,
+            completed: delivery.is_whole(),
+            reason: delivery.reason(),
             goal: delivery.goal,
             delivered_to: delivery.delivered_to,
             correct: delivery.correct,

@@ -142,6 +142,7 @@ pub(crate) fn as_command(scenario: &Scenario) -> String {
             words.push(format!("--{name} {value}"));
         }
     };
+    flag("package", scenario.package.clone());
     flag("light", scenario.light.clone());
     flag("floor", scenario.floor.clone());
     flag("speed", scenario.speed_mps.map(|speed| speed.to_string()));

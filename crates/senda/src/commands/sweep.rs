@@ -234,6 +234,9 @@ pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
             percent(&row.without_loss),
             error
         );
+        if let Some(delivery) = &row.delivery {
+            println!("  {}", delivery.words());
+        }
     }
     if table.errors > 0 {
         println!(

@@ -5,7 +5,7 @@
 //! style sheet defines the variables ([`PALETTE_LIGHT`], [`PALETTE_DARK`], [`RULES`]).
 
 mod axis;
-
+mod chart;
 mod heat;
 mod lap;
 mod line;
@@ -15,6 +15,7 @@ mod svg;
 mod timeline;
 
 pub use axis::{Axis, ticks};
+pub use chart::WalkedChart;
 pub use heat::HeatGrid;
 pub use lap::{HardCurve, against_percent, hard_curves};
 pub use line::{Band, LinePlot, Rule, Series, Span, Stroke};
@@ -54,6 +55,8 @@ pub const RULES: &str = "\
 .sp-alarm{stroke:var(--alarm)}\
 .sp-road{fill:none;stroke:var(--road);stroke-linejoin:round}\
 .sp-road-line{fill:none;stroke:var(--road-line)}\
+.sp-box{fill:var(--surface);stroke:var(--axis);stroke-width:1}\
+.sp-lit .sp-box{fill:var(--s4);fill-opacity:.35;stroke:var(--s4);stroke-width:2}\
 .sp-cursor line{stroke:var(--ink);stroke-width:1;opacity:.6}\
 .sp-cursor circle{stroke:var(--surface);stroke-width:1.5}\
 .sp-c0{stroke:var(--s0)}.sp-c1{stroke:var(--s1)}.sp-c2{stroke:var(--s2)}.sp-c3{stroke:var(--s3)}\

@@ -3,7 +3,7 @@
 use super::page::{Card, Figure, Row, Table};
 use super::plots::Group;
 use crate::Delivery;
-use crate::plot::Timeline;
+use crate::plot::{Timeline, WalkedChart};
 use crate::text;
 
 /// The delivery in large type.
@@ -93,12 +93,21 @@ pub(super) fn group(delivery: &Delivery) -> Group {
     let columns = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
     Group {
         title: "Mission".into(),
-        intro: "The state chart along time; what it saw and decided at each transition is below.".into(),
-        figures: vec![Figure {
-            title: "Steps".into(),
-            svg: steps(delivery).svg(),
-            caption: "Which step of the state chart the mission was in.".into(),
-        }],
+        intro: "The state chart as it was walked, and along time; what it saw and decided at each transition is below.".into(),
+        figures: vec![
+            Figure {
+                title: "State chart".into(),
+                svg: chart(delivery).svg(),
+                caption: "Steps in the order in which they were entered first, and the time spent in each; the present one of the player lights up. Whole arrows lead on, \
+broken ones lead back or past others."
+                    .into(),
+            },
+            Figure {
+                title: "Steps".into(),
+                svg: timeline(delivery).svg(),
+                caption: "Which step of the state chart the mission was in.".into(),
+            },
+        ],
         tables: vec![
             Table {
                 caption: "Stops before crossings, as the vehicle truly stood: from its origin to the crossing's near edge, and that minus what was asked for.".into(),
@@ -116,31 +125,52 @@ pub(super) fn group(delivery: &Delivery) -> Group {
     }
 }
 
-/// The steps that the events name: `from -> to: why`.
-fn steps(delivery: &Delivery) -> Timeline {
-    let mut rows: Vec<(String, Vec<[f64; 2]>)> = Vec::new();
-    let mut add = |step: &str, span: [f64; 2]| match rows.iter_mut().find(|(known, _)| known == step) {
-        Some((_, spans)) => spans.push(span),
-        None => rows.push((step.to_owned(), vec![span])),
-    };
+/// The steps that the events name (`from -> to: why`), with when each began and ended, in order.
+fn steps(delivery: &Delivery) -> Vec<(&str, [f64; 2])> {
+    let mut steps = Vec::new();
     let (mut since_s, mut last) = (0.0, None);
     for event in &delivery.events {
         let Some((from, to)) = event.text.split_once(" -> ") else {
             continue;
         };
-        add(from, [since_s, event.time_s]);
+        steps.push((from, [since_s, event.time_s]));
         since_s = event.time_s;
-        last = Some(to.split(':').next().unwrap_or(to).trim().to_owned());
+        last = Some(to.split(':').next().unwrap_or(to).trim());
     }
-    if let Some(step) = last {
-        add(&step, [since_s, delivery.time_s]);
-    }
+    steps.extend(last.map(|step| (step, [since_s, delivery.time_s])));
+    steps
+}
+
+fn timeline(delivery: &Delivery) -> Timeline {
     Timeline {
         name: "Steps of the mission against time".into(),
-        rows,
+        rows: chart(delivery).steps,
         end_s: delivery.time_s,
         width_px: 560.0,
     }
+}
+
+fn chart(delivery: &Delivery) -> WalkedChart {
+    let mut chart = WalkedChart {
+        name: "State chart of the mission as it was walked".into(),
+        width_px: 560.0,
+        ..WalkedChart::default()
+    };
+    let mut before = None;
+    for (name, span) in steps(delivery) {
+        let known = chart.steps.iter().position(|(known, _)| known == name);
+        let place = known.unwrap_or(chart.steps.len());
+        if known.is_none() {
+            chart.steps.push((name.to_owned(), Vec::new()));
+        }
+        chart.steps[place].1.push(span);
+        if let Some(before) = before.replace(place)
+            && !chart.transitions.contains(&[before, place])
+        {
+            chart.transitions.push([before, place]);
+        }
+    }
+    chart
 }
 
 #[cfg(test)]
@@ -164,9 +194,10 @@ mod tests {
             ],
             ..Delivery::default()
         };
-        let rows = steps(&delivery).rows;
+        let chart = chart(&delivery);
+        assert_eq!(chart.transitions, [[0, 1], [1, 2], [2, 1]]);
         assert_eq!(
-            rows,
+            chart.steps,
             [
                 ("wait".to_owned(), vec![[0.0, 1.0]]),
                 ("drive".to_owned(), vec![[1.0, 4.0], [6.0, 9.0]]),

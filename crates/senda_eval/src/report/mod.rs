@@ -17,6 +17,7 @@ mod run;
 mod signals;
 mod study;
 mod sweep;
+mod sweep_delivery;
 mod training;
 
 pub use frames::Look;
@@ -26,6 +27,7 @@ pub use real::real_data_html;
 pub use run::ReportRun;
 pub use study::{StudyTrace, study_html, study_limits};
 pub use sweep::{SweepRow, SweepRun, SweepTable, sweep_html, sweep_table};
+pub use sweep_delivery::DeliveryRow;
 pub use training::{TrainingEpoch, TrainingReport, TrainingRound, training_html};
 
 use crate::text::escape;

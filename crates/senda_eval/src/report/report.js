@@ -81,6 +81,11 @@
         return { column, value };
       });
       this.plots = [...this.section.querySelectorAll("svg[data-x]")].map((svg) => this.plot(svg));
+      // Steps of a state chart with the times in which they were the present one.
+      this.steps = [...this.section.querySelectorAll(".sp-step")].map((box) => ({
+        box,
+        spans: box.dataset.spans.split(" ").map((span) => span.split(",").map(Number)),
+      }));
       this.seek(0);
     }
 
@@ -152,6 +157,9 @@
       }
       for (const { column, value } of this.rows) value.textContent = show(column.values[i], column.unit);
       for (const draw of this.plots || []) draw();
+      for (const { box, spans } of this.steps || []) {
+        box.classList.toggle("sp-lit", spans.some(([from, to]) => from <= data.t[i] && data.t[i] < to));
+      }
       if (this.canvas) this.look();
     }
 

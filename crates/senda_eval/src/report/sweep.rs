@@ -1,6 +1,7 @@
 //! Many runs: rates with intervals by world, floor, light, speed, and every failure with how to repeat it.
 
 use super::page::{Card, Figure, Page, Row, Section, Table, render};
+use super::sweep_delivery::{self, DeliveryRow};
 use crate::plot::{Axis, HeatGrid, LinePlot, RateRow, RateRows, Series, Stroke};
 use crate::statistics::{Interval, Rate, bootstrap_mean, quantile, rate};
 use crate::{Summary, text};
@@ -21,6 +22,13 @@ pub struct SweepRun {
     pub command: String,
     /// Further delay from the camera to the driver (s).
     pub latency_s: f64,
+}
+
+impl SweepRow {
+    fn is_of_deliveries(&self) -> bool {
+        let deliveries = self.delivery.as_ref().map_or(0, |row| row.correct.count);
+        deliveries > 0 && deliveries == self.completed.count
+    }
 }
 
 impl SweepRun {
@@ -54,6 +62,9 @@ pub struct SweepRow {
     pub lane_error_max_p95_m: Option<f64>,
     /// Mean heading error over runs (rad) with its bootstrap interval.
     pub heading_error_rad: Option<Interval>,
+    /// What became of packages. Where all runs are deliveries they have no lane errors: streets branch.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub delivery: Option<DeliveryRow>,
 }
 
 /// The figures of a sweep.
@@ -135,10 +146,15 @@ fn row(by: &str, value: &str, members: &[(&SweepRun, &Summary)]) -> SweepRow {
     let figures = |figure: fn(&Summary) -> Option<f64>| -> Vec<f64> {
         members
             .iter()
+            .filter(|(_, summary)| summary.delivery.is_none())
             .filter_map(|(_, summary)| figure(summary))
             .filter(|v| v.is_finite())
             .collect()
     };
+    let deliveries: Vec<_> = members
+        .iter()
+        .filter_map(|(_, summary)| summary.delivery.as_ref())
+        .collect();
     SweepRow {
         by: by.into(),
         value: value.into(),
@@ -147,6 +163,7 @@ fn row(by: &str, value: &str, members: &[(&SweepRun, &Summary)]) -> SweepRow {
         lane_error_m: bootstrap_mean(&figures(|s| s.lane_error_mean_m), RESAMPLES, 1),
         lane_error_max_p95_m: quantile(&figures(|s| s.lane_error_max_m), 0.95),
         heading_error_rad: bootstrap_mean(&figures(|s| s.heading_error_mean_rad), RESAMPLES, 1),
+        delivery: DeliveryRow::of(&deliveries),
     }
 }
 
@@ -164,16 +181,26 @@ pub fn sweep_html(page: &Page, runs: &[SweepRun]) -> String {
 const MOST_FAILURES: usize = 200;
 
 fn overview(table: &SweepTable) -> Section {
-    const CAPTION: &str =
-        "Goal reached, never outside the corridor, line or lane never lost. Lines: 95 % intervals.";
+    let only_deliveries = table.rows.first().is_some_and(SweepRow::is_of_deliveries);
+    let (what, meaning) = if only_deliveries {
+        (
+            "Whole deliveries",
+            "Delivered to the right depot, returned, no red light passed, never off the streets.",
+        )
+    } else {
+        (
+            "Runs without a loss",
+            "Goal reached, never outside the corridor, line or lane never lost.",
+        )
+    };
     let drawn = |by: &str| -> Vec<&SweepRow> { table.rows.iter().filter(|row| row.by == by).collect() };
     // One axis for all, so that figures can be compared.
     let range = RateRows::fitting_range(table.rows.iter().map(|row| &row.without_loss));
     let figure = |by: &str, rows: &[&SweepRow]| {
         let title = if by == "all" {
-            "Runs without a loss".to_owned()
+            what.to_owned()
         } else {
-            format!("Runs without a loss, by {by}")
+            format!("{what}, by {by}")
         };
         let rows = rows
             .iter()
@@ -185,7 +212,7 @@ fn overview(table: &SweepTable) -> Section {
             .collect();
         let rates = RateRows {
             name: title.clone(),
-            label: "runs without a loss".into(),
+            label: what.to_lowercase(),
             rows,
             range: Some(range),
             width_px: 560.0,
@@ -193,7 +220,7 @@ fn overview(table: &SweepTable) -> Section {
         Figure {
             title,
             svg: rates.svg(),
-            caption: CAPTION.into(),
+            caption: format!("{meaning} Lines: 95 % intervals."),
         }
     };
     let mut figures: Vec<Figure> = PROPERTIES
@@ -223,7 +250,10 @@ fn overview(table: &SweepTable) -> Section {
             .unwrap_or_default(),
         wide: true,
         figures,
-        tables: vec![rates_table(table)],
+        tables: match sweep_delivery::table(table) {
+            Some(deliveries) if only_deliveries => vec![deliveries],
+            deliveries => std::iter::once(rates_table(table)).chain(deliveries).collect(),
+        },
         ..Section::default()
     }
 }
@@ -231,32 +261,39 @@ fn overview(table: &SweepTable) -> Section {
 /// The whole sweep in large type.
 fn cards(table: &SweepTable, all: &SweepRow) -> Vec<Card> {
     let interval = |rate: &Rate| format!("95 % interval {}", percent_range(rate));
-    let mut cards = vec![
-        Card::new(
-            "Runs",
-            all.completed.count.to_string(),
-            match table.errors {
-                0 => String::new(),
-                errors => format!("{errors} more could not be run"),
-            },
-            "Runs that could be made",
-            if table.errors > 0 { "bad" } else { "" },
-        ),
-        Card::new(
+    let mut cards = vec![Card::new(
+        "Runs",
+        all.completed.count.to_string(),
+        match table.errors {
+            0 => String::new(),
+            errors => format!("{errors} more could not be run"),
+        },
+        "Runs that could be made",
+        if table.errors > 0 { "bad" } else { "" },
+    )];
+    let mut rate_card = |title: &str, rate: &Rate, meaning: &str| {
+        let value = text::percent(rate.interval.value);
+        cards.push(Card::new(title, value, interval(rate), meaning, ""));
+    };
+    if all.is_of_deliveries() {
+        rate_card(
+            "Whole",
+            &all.completed,
+            "Delivered to the right depot, returned, no red light passed, never off the streets",
+        );
+    } else {
+        rate_card(
             "Without a loss",
-            text::percent(all.without_loss.interval.value),
-            interval(&all.without_loss),
+            &all.without_loss,
             "Goal reached, never outside the corridor, line or lane never lost",
-            "",
-        ),
-        Card::new(
+        );
+        rate_card(
             "Completed",
-            text::percent(all.completed.interval.value),
-            interval(&all.completed),
+            &all.completed,
             "Goal reached without leaving the corridor",
-            "",
-        ),
-    ];
+        );
+    }
+    cards.extend(all.delivery.iter().flat_map(sweep_delivery::cards));
     if let Some(error) = all.lane_error_m {
         let detail = format!(
             "95 % interval {} – {}",
@@ -319,7 +356,7 @@ fn rates_table(table: &SweepTable) -> Table {
     }
 }
 
-fn percent_range(rate: &Rate) -> String {
+pub(super) fn percent_range(rate: &Rate) -> String {
     format!(
         "{} – {}",
         text::fixed(100.0 * rate.interval.low, 1),

@@ -338,6 +338,38 @@ fn poor_recordings_still_make_a_page() {
 }
 
 #[test]
+fn a_sweep_of_deliveries_tells_of_packages_and_not_of_lanes() {
+    let (recording, world) = (recording(30, "line", false), world());
+    let of = |completed: bool| SweepRun {
+        world: "warehouse".into(),
+        summary: Some(Summary {
+            completed,
+            delivery: Some(crate::Delivery {
+                correct: completed,
+                returned: true,
+                events: vec![crate::delivery::Event {
+                    time_s: 3.0,
+                    text: "search -> failed: no sign was found".into(),
+                }],
+                ..crate::Delivery::default()
+            }),
+            ..summary(&recording, &world, "test")
+        }),
+        ..SweepRun::default()
+    };
+    let runs = [of(true), of(false)];
+    let table = sweep_table(&runs);
+    let row = &table.rows[0];
+    assert_eq!((row.lane_error_m, row.heading_error_rad), (None, None));
+    assert_eq!(row.delivery.as_ref().unwrap().correct.hits, 1);
+    let html = sweep_html(&Page::new("deliveries", "senda sweep"), &runs);
+    for words in ["Whole deliveries", "red lights passed", "no sign was found"] {
+        assert!(html.contains(words), "{words}");
+    }
+    assert!(!html.contains("Lane error") && !html.contains("without a loss"));
+}
+
+#[test]
 fn a_sweep_counts_by_property_and_tells_how_to_repeat_failures() {
     let (recording, world) = (recording(30, "line", false), world());
     let good = summary(&recording, &world, "test");
