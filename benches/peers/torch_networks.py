@@ -44,7 +44,7 @@ def build(network):
             case "convolutional_lstm":
                 step = [ConvLSTM(shape.shape[1], layer["filters"], layer["kernel"][0], layer["stride"][0], layer["padding"])]
             case "max_pool":
-                step = [nn.MaxPool2d(layer["size"], layer["stride"])]
+                step = [nn.MaxPool2d(layer["size"], layer.get("stride", layer["size"]))]
             case "dropout":
                 step = [nn.Dropout(0.2)]
             case "flatten":
