@@ -75,6 +75,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 "scale": found.scale,
                 "matches": found.matches,
                 "agreeing": found.agreeing,
+                "near_matches": found.near_matches,
+                "near_agreeing": found.near_agreeing,
             });
         }
         println!("{}", serde_json::to_string_pretty(&value)?);
@@ -132,8 +134,9 @@ fn words(found: &Alignment) -> String {
             "camera pose: MOVED; the scene lies {measured}. Put the camera right, or take a new reference"
         ),
         Verdict::Unclear => format!(
-            "camera pose: cannot tell: {} of {} corners agree. Put the vehicle where the reference was taken, before a scene with corners",
-            found.agreeing, found.matches
+            "camera pose: cannot tell: {} of {} corners agree, in the lower half, near the vehicle, {} of {}. Put the vehicle where the \
+             reference was taken, with a pattern on the floor before it",
+            found.agreeing, found.matches, found.near_agreeing, found.near_matches
         ),
     }
 }
