@@ -12,7 +12,7 @@ use senda_core::whole_file;
 use senda_geom::{Camera, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// The version that this program writes and reads.
@@ -186,10 +186,14 @@ impl Model {
 
     /// Writes the file: beside the old one, then in its place, so that a full disk leaves the old one whole.
     pub fn save(&self, path: &Path) -> Result<(), ModelError> {
-        whole_file::replace(path, |file| file.write_all(&self.to_bytes())).map_err(|error| ModelError::File {
-            file: path.display().to_string(),
-            reason: error.to_string(),
-        })
+        whole_file::replace(path, |file| file.write_all(&self.to_bytes()))
+            .map_err(|error| file_error(path, &error))
+    }
+
+    /// As [`Self::save`], but a file that lies there already stays as `NAME.earlier`, where the answer says: it may have cost hours.
+    pub fn save_keeping_earlier(&self, path: &Path) -> Result<Option<PathBuf>, ModelError> {
+        whole_file::replace_keeping_earlier(path, |file| file.write_all(&self.to_bytes()))
+            .map_err(|error| file_error(path, &error))
     }
 
     /// The model as an ONNX file, for other programs: `input` is `[batch, channels, height, width]` as
@@ -209,11 +213,17 @@ impl Model {
     /// Reads a file.
     pub fn load(path: &Path) -> Result<Self, ModelError> {
         let name = path.display().to_string();
-        let bytes = std::fs::read(path).map_err(|error| ModelError::File {
-            file: name.clone(),
-            reason: error.to_string(),
-        })?;
-        Self::from_bytes(&name, &bytes)
+        let bytes = std::fs::read(path).map_err(|error| file_error(path, &error))?;
+        Self::from_bytes(&name, &bytes).map_err(|error| match error {
+            ModelError::Format { file, .. } if path.extension().is_some_and(|end| end == "onnx") => {
+                ModelError::Format {
+                    found: "its name is that of an ONNX file".to_owned(),
+                    help: format!("make a model of it: `senda model import {file}`"),
+                    file,
+                }
+            }
+            other => other,
+        })
     }
 
     /// Reads a file's bytes; `name` is for messages.
@@ -316,6 +326,13 @@ impl Model {
         Err(CameraMismatch {
             differences: differences.join(", "),
         })
+    }
+}
+
+fn file_error(path: &Path, error: &std::io::Error) -> ModelError {
+    ModelError::File {
+        file: path.display().to_string(),
+        reason: error.to_string(),
     }
 }
 

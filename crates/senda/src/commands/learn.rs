@@ -1,8 +1,8 @@
 //! `senda learn`: from nothing to a driving network.
 
-use super::{report::command_line, save_model, training_report};
+use super::{check_out, report::command_line, save_model, training_report};
 use crate::terminal;
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Args;
 use senda_learn::Samples;
 use senda_learn::learn::{self, Learning, Stage};
@@ -25,13 +25,13 @@ pub(crate) struct Arguments {
     /// Families of random worlds to learn from, separated by commas
     #[arg(long, value_delimiter = ',', value_name = "LIST")]
     worlds: Vec<String>,
-    /// Frames that the expert drives first
+    /// Frames that the expert drives first, at least: the last eight drives are kept whole
     #[arg(long, value_name = "N")]
     expert_frames: Option<usize>,
     /// Rounds in which the network drives and is corrected
     #[arg(long, value_name = "N")]
     rounds: Option<u32>,
-    /// Frames of each round
+    /// Frames of each round, at least, as for the expert's
     #[arg(long, value_name = "N")]
     round_frames: Option<usize>,
     /// Passes over all frames at the end
@@ -87,6 +87,7 @@ impl Arguments {
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let learning = arguments.learning()?;
+    check_out(&arguments.out)?;
     let began_ns = terminal::clock_ns();
     let bar = terminal::bar("learn");
     let place = |part: f64| bar.set_position((1000.0 * part) as u64);
@@ -135,14 +136,6 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     }
     let mut model = learned.model;
     model.provenance.command = command_line();
-    if let Some(folder) = arguments
-        .out
-        .parent()
-        .filter(|folder| !folder.as_os_str().is_empty())
-    {
-        std::fs::create_dir_all(folder)
-            .with_context(|| format!("cannot make folder {}", folder.display()))?;
-    }
     save_model(&model, &arguments.out)?;
     let told = training_report::Told {
         model: &model,

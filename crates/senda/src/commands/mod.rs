@@ -30,10 +30,7 @@ use std::path::Path;
 
 /// Writes a file whole or not at all: a full disk must not leave half a report over a good one.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
-    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder)
-            .with_context(|| format!("cannot make folder {}", folder.display()))?;
-    }
+    make_folder_of(path)?;
     whole_file::replace(path, |file| file.write_all(bytes))
         .with_context(|| format!("cannot write {}", path.display()))
 }
@@ -46,17 +43,30 @@ pub(crate) fn warn_of_speed(scenario: &Scenario) -> Result<()> {
     Ok(())
 }
 
-/// Writes a model. One that lies there already is put aside as `NAME.earlier`: it may have cost hours.
+/// Makes the folder of a file to come and finds out whether it can be written, before the hours that it is to hold.
+pub(crate) fn check_out(path: &Path) -> Result<()> {
+    make_folder_of(path)?;
+    whole_file::check_place(path)
+        .with_context(|| format!("cannot write {}; choose another place with --out", path.display()))
+}
+
+/// Writes a model. One that lies there already is kept as `NAME.earlier`: it may have cost hours.
 pub(crate) fn save_model(model: &Model, path: &Path) -> Result<()> {
-    if path.is_file() {
-        let mut aside = path.as_os_str().to_owned();
-        aside.push(".earlier");
-        std::fs::rename(path, &aside).with_context(|| format!("cannot rename {}", path.display()))?;
+    make_folder_of(path)?;
+    if let Some(earlier) = model.save_keeping_earlier(path)? {
         eprintln!(
             "{}: the model that was there is now {}",
             path.display(),
-            Path::new(&aside).display()
+            earlier.display()
         );
     }
-    Ok(model.save(path)?)
+    Ok(())
+}
+
+fn make_folder_of(path: &Path) -> Result<()> {
+    match path.parent() {
+        Some(folder) => std::fs::create_dir_all(folder)
+            .with_context(|| format!("cannot make folder {}", folder.display())),
+        None => Ok(()),
+    }
 }

@@ -1,7 +1,7 @@
 //! `senda detector train` and `export`.
 
 use super::{list, print_scores, warn};
-use crate::commands::{report::command_line, save_model, write_file};
+use crate::commands::{check_out, report::command_line, save_model, write_file};
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -60,6 +60,7 @@ pub(crate) struct Arguments {
 
 pub(super) fn run(arguments: Arguments) -> Result<()> {
     let began_ns = terminal::clock_ns();
+    check_out(&arguments.out)?;
     let (data, names) = list(&arguments.data, true)?;
     let classes = data.class_names(&arguments.data)?;
     let mut options = DetectorTraining::default();

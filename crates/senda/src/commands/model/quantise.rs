@@ -1,6 +1,6 @@
 //! `senda model quantise`: 8 bits, and what they change.
 
-use crate::commands::{report::command_line, save_model};
+use crate::commands::{check_out, report::command_line, save_model};
 use crate::terminal;
 use anyhow::{Result, bail};
 use clap::Args;
@@ -37,6 +37,7 @@ pub(crate) struct Arguments {
 
 pub(super) fn run(arguments: Arguments) -> Result<()> {
     let model = Model::load(&arguments.model)?;
+    check_out(&arguments.out)?;
     let bar = terminal::bar("gathering frames");
     let samples = frames(
         &model,
