@@ -105,6 +105,17 @@ pub(crate) fn tell(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 
+/// Says the first of many warnings on standard error, and how many more there are.
+pub(crate) fn warn(warnings: &[String]) {
+    const SHOWN: usize = 10;
+    for warning in warnings.iter().take(SHOWN) {
+        tell(&format!("warning: {warning}"));
+    }
+    if warnings.len() > SHOWN {
+        tell(&format!("warning: and {} more", warnings.len() - SHOWN));
+    }
+}
+
 /// Prints a line on standard output; an error where nobody takes it, such as a terminal that is gone.
 pub(crate) fn print(line: &str) -> anyhow::Result<()> {
     use anyhow::Context as _;

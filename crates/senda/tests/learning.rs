@@ -195,6 +195,40 @@ fn models_go_out_come_back_and_shrink_to_8_bits() {
         json(&[&at_the_wheel("oval-lane", "picar", text(model))[..], &A_SECOND].concat())
     };
     assert_eq!(drive(&model)["digest"], drive(&back)["digest"]);
+    // Where it comes from was lost on the way.
+    let made = |model: &Path| json(&["model", "info", text(model), "--json"])["provenance"].clone();
+    let (before, after) = (made(&model), made(&back));
+    for key in ["seed", "worlds", "metrics", "data", "command"] {
+        assert_eq!(before[key], after[key], "{key}");
+    }
+    assert!(
+        after["notes"].as_str().unwrap().contains("model import"),
+        "{after}"
+    );
+    senda(&["evaluate", text(&onnx)])
+        .failure()
+        .stderr(contains("senda model import"));
+    for (wrong, words) in [
+        (["--runs", "0"], "at least 1"),
+        (["--speeds", "0"], "more than 0 m/s"),
+        (["--worlds", "cirkuit-1"], "circuit-1"),
+    ] {
+        senda(&[&["evaluate", text(&model)], &wrong[..]].concat())
+            .failure()
+            .stderr(contains(words).and(contains("could not be run").not()));
+    }
+    let known = [
+        "evaluate",
+        text(&model),
+        "--worlds",
+        "oval-lane",
+        "--runs",
+        "1",
+        "--image",
+        "40x30",
+        "--json",
+    ];
+    assert!(json(&known)["warnings"].to_string().contains("1 of the 1 worlds"));
 
     // Others must be told.
     let mut bytes = std::fs::read(&onnx).unwrap();
@@ -259,7 +293,18 @@ fn models_go_out_come_back_and_shrink_to_8_bits() {
         .stderr(contains("QuantizeLinear"));
     senda(&["model", "quantise", text(&small), "--calibrate", text(&runs)])
         .failure()
-        .stderr(contains("8 bits"));
+        .stderr(contains("8 bits").and(contains("can be quantised").not()));
+    senda(&[
+        "model",
+        "quantise",
+        text(&model),
+        "--calibrate",
+        text(&runs),
+        "--frames",
+        "1",
+    ])
+    .failure()
+    .stderr(contains("frames: expected at least 2"));
     senda(&with(&quantise("random-circuit:9000"), &[])).success();
     senda(&with(&quantise("random-corcuit:9000"), &[]))
         .failure()
@@ -318,6 +363,204 @@ fn training_without_sense_is_refused_with_words() {
         .failure()
         .stderr(contains("empty"));
     assert!(!folder.path().join("b.senda").exists());
+}
+
+/// Document A's own kind of data, pictures with the angle in their names, could not be trained: all of it counted as standing.
+#[test]
+fn every_foreign_format_is_trained_on_and_named_in_the_model() {
+    let folder = tempfile::tempdir().unwrap();
+    data(folder.path());
+    let at = |name: &str| folder.path().join(name);
+    let run = at("runs/oval-lane-picar-expert-1.mcap");
+    let (model, tiny) = (at("a.senda"), at("tiny.toml"));
+    let train = |sources: &[&str]| {
+        let arguments = [
+            &["train"],
+            sources,
+            &[
+                "--network",
+                text(&tiny),
+                "--split",
+                "time",
+                "--epochs",
+                "1",
+                "--json",
+                "--out",
+                text(&model),
+            ],
+        ]
+        .concat();
+        json(&arguments)
+    };
+    let frames = |trained: &serde_json::Value| {
+        trained["training_frames"].as_u64().unwrap() + trained["validation_frames"].as_u64().unwrap()
+    };
+    let own = frames(&train(&[text(&run)]));
+    let exported: Vec<_> = ["named-frames", "tub", "udacity"]
+        .iter()
+        .map(|format| at(format))
+        .collect();
+    for out in &exported {
+        let format = out.file_name().unwrap().to_str().unwrap();
+        senda(&[
+            "data",
+            "export",
+            text(&run),
+            "--format",
+            format,
+            "--out",
+            text(out),
+        ])
+        .success();
+        let trained = train(&[text(out)]);
+        assert_eq!(frames(&trained), own, "{format}: {trained}");
+    }
+    let all: Vec<&str> = exported.iter().map(|path| text(path)).collect();
+    assert_eq!(frames(&train(&all)), 3 * own);
+    let imported = at("imported");
+    senda(&[
+        "data",
+        "import",
+        all[0],
+        "--vehicle",
+        "picar",
+        "--out",
+        text(&imported),
+    ])
+    .success();
+    assert_eq!(frames(&train(&[text(&imported)])), own);
+    // What gives nothing is said and not claimed.
+    let empty = at("empty");
+    std::fs::create_dir(&empty).unwrap();
+    std::fs::copy(
+        exported[0].join(first_picture(&exported[0])),
+        empty.join("v000001-f00000-a90.jpg"),
+    )
+    .unwrap();
+    let trained = train(&[all[0], text(&empty)]);
+    assert!(
+        trained["warnings"]
+            .to_string()
+            .contains("of 1 recorded frames, 1 lie at the ends"),
+        "{trained}"
+    );
+    let info = json(&["model", "info", text(&model), "--json"]);
+    assert_eq!(info["provenance"]["data"], serde_json::json!([all[0]]));
+    senda(&["train", text(&empty)])
+        .failure()
+        .stderr(contains("skip_first"));
+}
+
+fn first_picture(folder: &Path) -> String {
+    let mut names: Vec<String> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names.remove(0)
+}
+
+/// It failed only after all epochs, and a link was replaced by a file.
+#[test]
+fn where_the_model_goes_is_checked_before_training_and_links_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    data(folder.path());
+    senda(&with(&training(folder.path(), "tiny.toml/a.senda"), &[]))
+        .failure()
+        .stderr(contains("tiny.toml").and(contains("epoch").not()));
+    senda(&with(&training(folder.path(), "runs"), &[]))
+        .failure()
+        .stderr(contains("found a folder").and(contains("epoch").not()));
+    let wrong = folder.path().join("tiny.toml/b.senda");
+    let experiment = folder.path().join("experiment");
+    let learn = ["learn", "--folder", text(&experiment), "--out", text(&wrong)];
+    senda(&learn).failure().stderr(contains("tiny.toml"));
+    assert!(!experiment.exists());
+    #[cfg(unix)]
+    {
+        let link = folder.path().join("link");
+        std::os::unix::fs::symlink("made/far.senda", &link).unwrap();
+        std::fs::create_dir(folder.path().join("made")).unwrap();
+        let arguments = training(folder.path(), "link");
+        senda(&with(&arguments, &["--report", "/dev/null"])).success();
+        senda(&with(&arguments, &[]))
+            .success()
+            .stderr(contains("far.senda.earlier"));
+        assert!(link.is_symlink());
+        senda(&["model", "info", text(&folder.path().join("made/far.senda"))]).success();
+    }
+}
+
+/// What was asked for beside a model to go on from was ignored without a word.
+#[test]
+fn a_model_that_is_fine_tuned_keeps_its_network_and_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    data(folder.path());
+    let arguments = training(folder.path(), "a.senda");
+    senda(&with(&arguments, &["--crop-top", "0.25"])).success();
+    let model = folder.path().join("a.senda");
+    let runs = folder.path().join("runs");
+    let out = folder.path().join("b.senda");
+    let base = [
+        "train",
+        text(&runs),
+        "--split",
+        "runs",
+        "--epochs",
+        "1",
+        "--out",
+        text(&out),
+        "--from",
+        text(&model),
+    ];
+    let fine = |more: &[&str]| senda(&[&base[..], more].concat());
+    for (wrong, words) in [
+        (&["--network", "tinypilotnet"][..], ["tiny,", "tinypilotnet"]),
+        (&["--colour", "saturation"], ["grey", "saturation"]),
+        (&["--crop-top", "0.3"], ["0.25", "0.3"]),
+        (&["--edges"], ["none", "low"]),
+        (&["--stack", "2"], ["expected 1", "found 2"]),
+    ] {
+        fine(wrong).failure().stderr(
+            contains(words[0])
+                .and(contains(words[1]))
+                .and(contains("a.senda")),
+        );
+    }
+    let plan = folder.path().join("plan.toml");
+    std::fs::write(&plan, "answers = [\"speed\"]\n").unwrap();
+    fine(&["--plan", text(&plan)])
+        .failure()
+        .stderr(contains("expected steering").and(contains("found speed")));
+    fine(&[
+        "--crop-top",
+        "0.25",
+        "--colour",
+        "grey",
+        "--network",
+        text(&folder.path().join("tiny.toml")),
+    ])
+    .success();
+    fine(&[]).success();
+}
+
+#[test]
+fn judging_by_what_was_learned_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    data(folder.path());
+    let arguments = training(folder.path(), "a.senda");
+    let runs = folder.path().join("runs");
+    let leak = json(&with(&arguments, &["--validation", text(&runs), "--json"]));
+    assert!(
+        leak["warnings"].to_string().contains("2 of the 2 files"),
+        "{leak}"
+    );
+    let twice = json(&with(&arguments, &[text(&runs), "--json"]));
+    assert!(twice["warnings"].to_string().contains("named twice"), "{twice}");
+    assert_eq!(
+        twice["training_frames"],
+        leak["training_frames"].as_u64().unwrap() / 2
+    );
 }
 
 #[test]
@@ -437,6 +680,18 @@ fn learning_on_a_tiny_budget_makes_a_model_that_drives() {
         "--json",
     ]);
     assert_eq!(result["rounds"].as_array().unwrap().len(), 2);
+    // The budget is the least; the model says what it was, not what was asked for.
+    let [expert, all] = [0, 1].map(|round| result["rounds"][round]["frames"].as_u64().unwrap());
+    assert!(expert >= 20 && all >= expert + 20, "{result}");
+    let info = json(&["model", "info", text(&model), "--json"]);
+    let told = format!(
+        "{expert} frames by the expert, {} frames of 1 rounds",
+        all - expert
+    );
+    assert!(
+        info["provenance"]["data"][0].as_str().unwrap().starts_with(&told),
+        "{info}"
+    );
     let page = std::fs::read_to_string(folder.path().join("experiment/report.html")).unwrap();
     assert!(page.contains("Learning by correction") && page.contains("Loss over the epochs"));
     let drive = json(&[&at_the_wheel("unseen-1", "picar", text(&model))[..], &A_SECOND].concat());

@@ -33,7 +33,7 @@ pub enum LearnError {
         found: usize,
     },
     /// No frames.
-    #[error("{what}: expected frames to learn from, but found none; {help}")]
+    #[error("{what}: expected frames, but found none to use; {help}")]
     NoFrames {
         /// Which data.
         what: String,
@@ -97,6 +97,9 @@ pub enum LearnError {
     /// A model file.
     #[error(transparent)]
     Model(#[from] senda_nets::ModelError),
+    /// A model that cannot be taken to 8 bits.
+    #[error(transparent)]
+    Quantise(#[from] senda_nets::QuantiseError),
     /// Weights that others trained.
     #[error(transparent)]
     Adopt(#[from] senda_nets::AdoptError),

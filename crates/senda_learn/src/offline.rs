@@ -50,16 +50,7 @@ pub fn against_recordings(
         })
         .collect::<Result<_, _>>()?;
     let data = gather::recordings(paths, body, &model.input, &answers, selection, progress)?;
-    if data.samples.is_empty() {
-        return Err(LearnError::NoFrames {
-            what: paths
-                .iter()
-                .map(|path| path.display().to_string())
-                .collect::<Vec<_>>()
-                .join(", "),
-            help: "record some with `senda drive --record`, or give other data".into(),
-        });
-    }
+    data.expect_frames(paths)?;
     let mut warnings = data.warnings;
     if let Some(Err(mismatch)) = data.camera.as_ref().map(|camera| model.check_camera(camera)) {
         warnings.insert(0, format!("{mismatch}; the figures say little about this model"));

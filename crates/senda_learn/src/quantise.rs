@@ -47,6 +47,13 @@ pub fn frames(
     progress: &(dyn Fn(usize, usize) + Sync),
     interrupted: &(dyn Fn() -> bool + Sync),
 ) -> Result<Samples, LearnError> {
+    if frames < 2 {
+        return Err(LearnError::Option {
+            key: "frames",
+            expected: "at least 2: half of them calibrate, half compare".into(),
+            found: frames.to_string(),
+        });
+    }
     let mut all = Samples::new(model.input.len(), 1);
     let share = frames.div_ceil(sources.len().max(1)).max(1);
     for (number, source) in sources.iter().enumerate() {
@@ -117,11 +124,7 @@ pub fn quantise(model: &Model, samples: &Samples) -> Result<Quantised, LearnErro
     model
         .input
         .normalise(&samples.pixels[..calibrated * len], &mut values);
-    let quantised = model.quantised(&values).map_err(|error| LearnError::Option {
-        key: "model",
-        expected: "one that can be quantised".to_owned(),
-        found: error.to_string(),
-    })?;
+    let quantised = model.quantised(&values)?;
     let (mut exact, mut coarse) = (model.inference(), quantised.inference());
     let mut differences: Vec<Difference> = model
         .outputs

@@ -81,21 +81,61 @@ fn by_group(samples: &Samples, how: Split, share: f64, seed: u64) -> Result<(Sam
             .map(|run| run.frames.len())
             .sum()
     };
-    let wanted = share * samples.len() as f64;
-    let mut held = BTreeSet::new();
-    let mut count = 0.0;
-    for name in &groups[..groups.len() - 1] {
-        if !held.is_empty() && count >= wanted {
-            break;
-        }
-        count += frames(name) as f64;
-        held.insert(name.clone());
-    }
+    let sizes: Vec<usize> = groups.iter().map(frames).collect();
+    let wanted = (share * samples.len() as f64).round() as usize;
+    let held: BTreeSet<String> = nearest_set(&sizes, wanted)
+        .into_iter()
+        .map(|index| groups[index].clone())
+        .collect();
     let whole = |run: &crate::Run, take: bool| if take { 0..run.frames.len() } else { 0..0 };
     Ok((
         samples.part(|run| whole(run, !held.contains(&group(run)))),
         samples.part(|run| whole(run, held.contains(&group(run)))),
     ))
+}
+
+/// Indices of the groups whose sizes together come nearest to `wanted`: at least one and never all. Among equally near sets
+/// the order decides, which the seed has shuffled.
+fn nearest_set(sizes: &[usize], wanted: usize) -> Vec<usize> {
+    let total: usize = sizes.iter().sum();
+    let smallest = sizes.iter().copied().min().unwrap_or(0);
+    // Any set beyond this is further off than nothing, or than the smallest group.
+    let limit = (2 * wanted).max(smallest).min(total.saturating_sub(1));
+    // For every sum that a set has: the group that was added last.
+    let mut last: Vec<Option<usize>> = vec![None; limit + 1];
+    for (index, size) in sizes.iter().enumerate() {
+        // From above, so that no group is added twice.
+        for sum in (*size..=limit).rev() {
+            let is_reached = sum == *size || last[sum - size].is_some();
+            if is_reached && last[sum].is_none() {
+                last[sum] = Some(index);
+            }
+        }
+    }
+    let nearest = (0..=limit)
+        .filter(|sum| last[*sum].is_some())
+        .min_by_key(|sum| sum.abs_diff(wanted));
+    let mut sum = nearest.unwrap_or(0);
+    let mut taken = Vec::new();
+    while let Some(index) = last[sum].filter(|_| sum > 0) {
+        taken.push(index);
+        sum -= sizes[index];
+    }
+    taken
+}
+
+/// What to say where whole worlds or runs judge with more than twice or less than half of the part that was asked for.
+pub fn far_off(training: &Samples, validation: &Samples, how: Split, share: f64) -> Option<String> {
+    let part = validation.len() as f64 / (training.len() + validation.len()).max(1) as f64;
+    let is_whole = matches!(how, Split::Worlds | Split::Runs);
+    (is_whole && (part > 2.0 * share || part < 0.5 * share)).then(|| {
+        format!(
+            "{:.0} % of the frames judge, where {:.0} % was asked for: no whole worlds or runs come nearer; record more of \
+             them, or split by `time`",
+            100.0 * part,
+            100.0 * share
+        )
+    })
 }
 
 /// Each kept frame becomes a run of its own: nobody may take them for sequences.
@@ -148,6 +188,62 @@ mod tests {
             assert_eq!(training.len() + validation.len(), 200);
             assert!(!training.is_empty() && !validation.is_empty());
         }
+    }
+
+    /// Worlds were held out in a random order until there were enough: one long world judged with 61 %, two with 78 %.
+    #[test]
+    fn the_set_nearest_the_share_judges_whatever_the_seed() {
+        let all = samples(&[("a", "long", 219), ("b", "middle", 78), ("c", "short", 62)]);
+        for seed in 0..20 {
+            let (training, validation) = split(&all, Split::Worlds, 0.2, 0, seed, false).unwrap();
+            assert_eq!((training.len(), validation.len()), (281, 78), "seed {seed}");
+            assert_eq!(far_off(&training, &validation, Split::Worlds, 0.2), None);
+        }
+        let uneven = samples(&[("a", "long", 900), ("b", "longer", 1000)]);
+        let (training, validation) = split(&uneven, Split::Worlds, 0.2, 0, 1, false).unwrap();
+        assert_eq!(validation.len(), 900);
+        let note = far_off(&training, &validation, Split::Worlds, 0.2).unwrap();
+        assert!(note.contains("47 %") && note.contains("20 %"), "{note}");
+    }
+
+    #[test]
+    fn sets_are_as_near_as_trying_all_of_them() {
+        for sizes in [&[5, 9, 14, 3][..], &[7, 7, 7], &[1, 100], &[40, 2, 2, 2, 31, 17]] {
+            let total: usize = sizes.iter().sum();
+            for wanted in 0..total {
+                let taken = nearest_set(sizes, wanted);
+                let distinct: BTreeSet<_> = taken.iter().collect();
+                assert_eq!(distinct.len(), taken.len());
+                let sum = |of: &[usize]| of.iter().map(|index| sizes[*index]).sum::<usize>();
+                let best = (1..(1usize << sizes.len()) - 1)
+                    .map(|bits| {
+                        (0..sizes.len())
+                            .filter(|i| bits & (1 << i) != 0)
+                            .collect::<Vec<_>>()
+                    })
+                    .map(|set| sum(&set).abs_diff(wanted))
+                    .min();
+                assert_eq!(Some(sum(&taken).abs_diff(wanted)), best, "{sizes:?}, {wanted}");
+            }
+        }
+    }
+
+    #[test]
+    fn seeds_draw_among_equal_worlds() {
+        let names: Vec<String> = (0..10).map(|number| format!("world {number}")).collect();
+        let runs: Vec<(&str, &str, usize)> = names
+            .iter()
+            .map(|name| (name.as_str(), name.as_str(), 30))
+            .collect();
+        let all = samples(&runs);
+        let held = |seed: u64| {
+            let (_, validation) = split(&all, Split::Worlds, 0.2, 0, seed, false).unwrap();
+            assert_eq!(validation.len(), 60);
+            validation.runs[0].world.clone() + &validation.runs[1].world
+        };
+        let different: BTreeSet<String> = (0..20).map(held).collect();
+        assert!(different.len() > 8, "{different:?}");
+        assert_eq!(held(3), held(3));
     }
 
     #[test]

@@ -108,6 +108,97 @@ fn the_beginning_the_end_and_standing_still_are_left_out() {
     assert!(short.is_empty() && short.runs.is_empty());
 }
 
+/// Pictures with the angle in their names tell neither speed nor throttle. That was taken for standing, and nothing was left.
+#[test]
+fn what_says_nothing_of_motion_is_not_taken_for_standing() {
+    let mut silent = recording(12, "oval", &["center"]);
+    for step in &mut silent.steps {
+        step.command.drive = senda_core::Drive::Throttle(0.0);
+        step.speed_mps = None;
+    }
+    let (samples, warnings) = read(&[silent.clone()], &[Answer::Steering], &everything()).unwrap();
+    assert_eq!(samples.len(), 12);
+    assert!(warnings[0].contains("neither speed nor throttle"), "{warnings:?}");
+    // One pedal says that there is a throttle, and then its absence is standing.
+    silent.steps[3].command.drive = senda_core::Drive::Throttle(0.2);
+    let (samples, warnings) = read(&[silent], &[Answer::Steering], &everything()).unwrap();
+    assert_eq!((samples.len(), warnings.len()), (1, 0), "{warnings:?}");
+}
+
+#[test]
+fn where_no_frame_is_left_the_reasons_are_counted() {
+    let mut run = recording(9, "oval", &["center"]);
+    for step in &mut run.steps[..6] {
+        step.command.drive = senda_core::Drive::SpeedMps(0.0);
+    }
+    run.steps[6].frames.clear();
+    run.steps[7].frames[0].encoded.bytes.truncate(40);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    run.save(&path).unwrap();
+    let selection = Selection {
+        skip_first: 2,
+        skip_last: 1,
+        ..Selection::default()
+    };
+    let input = InputSpec::of(network().input());
+    let paths = [path];
+    let data = recordings(
+        &paths,
+        &car(),
+        &input,
+        &[Answer::Steering],
+        &selection,
+        &mut |_, _| {},
+    )
+    .unwrap();
+    assert!(data.used.is_empty());
+    let message = data.expect_frames(&paths).unwrap_err().to_string();
+    for words in [
+        "a.mcap",
+        "of 9 recorded",
+        "3 lie at the ends",
+        "4 were taken while",
+        "1 have no picture",
+        "1 cannot be read",
+    ] {
+        assert!(message.contains(words), "{message}");
+    }
+    assert!(
+        data.warnings
+            .iter()
+            .any(|warning| warning.contains("none of its frames"))
+    );
+}
+
+#[test]
+fn what_is_named_twice_counts_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let runs = folder.path().join("runs");
+    std::fs::create_dir(&runs).unwrap();
+    for name in ["a.mcap", "b.mcap"] {
+        recording(10, "oval", &["center"]).save(&runs.join(name)).unwrap();
+    }
+    let input = InputSpec::of(network().input());
+    let read = |paths: &[PathBuf]| {
+        recordings(
+            paths,
+            &car(),
+            &input,
+            &[Answer::Steering],
+            &everything(),
+            &mut |_, _| {},
+        )
+        .unwrap()
+    };
+    let once = read(&[runs.clone()]);
+    let again = read(&[runs.clone(), runs.join("../runs"), runs.join("b.mcap")]);
+    assert_eq!(again.samples, once.samples);
+    assert_eq!(again.used, [runs]);
+    let twice = |warning: &&String| warning.contains("named twice");
+    assert_eq!(again.warnings.iter().filter(twice).count(), 3);
+}
+
 /// Standing, broken and lost frames leave gaps that no sequence goes on across.
 #[test]
 fn stretches_end_where_frames_were_left_out_or_lost() {

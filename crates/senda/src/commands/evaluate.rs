@@ -5,11 +5,14 @@ use super::{
     sweep::{Output, drive_all},
 };
 use crate::terminal;
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
 use senda_learn::offline;
+use senda_nets::Provenance;
 use senda_run::Scenario;
+use senda_run::scenario::find_world;
 use senda_run::sweep::{Plan, StartSpread};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -99,8 +102,11 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         },
         ..Plan::once(base)
     };
+    let warnings = check(&plan, &model.provenance)?;
+    terminal::warn(&warnings);
     let output = |results: Option<PathBuf>, report: Option<PathBuf>| Output {
         title: "Evaluation",
+        warnings: warnings.clone(),
         jobs: arguments.jobs,
         results,
         report,
@@ -117,6 +123,78 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     Ok(())
 }
 
+/// Refuses a plan that could not be driven, before anything is; then what its results will not say.
+fn check(plan: &Plan, provenance: &Provenance) -> Result<Vec<String>> {
+    if plan.sample == Some(0) {
+        bail!("--runs: expected at least 1, but found 0");
+    }
+    if let Some(speed) = plan
+        .speeds_mps
+        .iter()
+        .find(|speed| !(speed.is_finite() && **speed > 0.0))
+    {
+        bail!("--speeds: expected more than 0 m/s, but found {speed}");
+    }
+    let driven: BTreeSet<String> = plan.runs()?.into_iter().map(|run| run.world).collect();
+    let mut known = Vec::new();
+    for world in &driven {
+        let name = find_world(world)?.name;
+        if provenance
+            .worlds
+            .iter()
+            .any(|learned| is_among(world, &name, learned, provenance))
+        {
+            known.push(world.as_str());
+        }
+    }
+    let Some(first) = known.first() else {
+        return Ok(vec![]);
+    };
+    Ok(vec![format!(
+        "the model learned from {} of the {} worlds driven here, such as {first}: the rates say less about worlds that it never saw",
+        known.len(),
+        driven.len()
+    )])
+}
+
+/// Whether a world is one that a model file says it learned from: by its name or its file's, or in a range of random ones.
+fn is_among(world: &str, name: &str, learned: &str, provenance: &Provenance) -> bool {
+    if learned == world || learned == name {
+        return true;
+    }
+    let Some((family, seed)) = world.split_once(':') else {
+        return false;
+    };
+    let range = match learned.split_once(", seeds from ") {
+        // As older model files have it; every drive took the next seed.
+        Some((family, first)) => first
+            .parse()
+            .ok()
+            .map(|first: u64| (family, first, first + drives(provenance))),
+        None => learned.split_once(':').and_then(|(family, range)| {
+            let (first, end) = range.split_once("..")?;
+            Some((family, first.parse().ok()?, end.parse().ok()?))
+        }),
+    };
+    match (range, seed.parse::<u64>()) {
+        (Some((learned, first, end)), Ok(seed)) => learned == family && (first..end).contains(&seed),
+        _ => false,
+    }
+}
+
+/// Drives of all rounds of `senda learn`.
+fn drives(provenance: &Provenance) -> u64 {
+    let rounds = provenance
+        .metrics
+        .get("rounds")
+        .and_then(|rounds| rounds.as_array());
+    rounds
+        .into_iter()
+        .flatten()
+        .filter_map(|round| round["drives"].as_u64())
+        .sum()
+}
+
 /// Frame by frame against what was done.
 fn compare(model: &senda_nets::Model, arguments: &Arguments) -> Result<()> {
     let body = senda_run::scenario::find_vehicle(&arguments.vehicle)?.body();
@@ -129,9 +207,7 @@ fn compare(model: &senda_nets::Model, arguments: &Arguments) -> Result<()> {
         &mut |done, of| bar.set_position((1000 * done / of.max(1)) as u64),
     )?;
     bar.finish_and_clear();
-    for warning in warnings.iter().take(10) {
-        eprintln!("warning: {warning}");
-    }
+    terminal::warn(&warnings);
     if arguments.json {
         return terminal::print(&serde_json::to_string_pretty(&outputs)?);
     }
@@ -148,4 +224,41 @@ fn compare(model: &senda_nets::Model, arguments: &Arguments) -> Result<()> {
         ))?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn worlds_that_were_learned_are_known_by_name_and_by_range() {
+        let learned = |worlds: &[&str]| Provenance {
+            worlds: worlds.iter().map(|world| (*world).to_owned()).collect(),
+            metrics: serde_json::from_str(r#"{"rounds": [{"drives": 8}, {"drives": 16}]}"#).unwrap(),
+            ..Provenance::default()
+        };
+        let warned = |worlds: &[&str], provenance: &Provenance| {
+            let plan = Plan {
+                worlds: worlds.iter().map(|world| (*world).to_owned()).collect(),
+                ..Plan::once(Scenario::new(worlds[0], "picar", "neural"))
+            };
+            check(&plan, provenance).unwrap().join("")
+        };
+        let ranged = learned(&["random-circuit:1000000..1000024"]);
+        let older = learned(&["random-circuit, seeds from 1000000"]);
+        for provenance in [&ranged, &older] {
+            let warning = warned(&["random-circuit:1000022..1000026"], provenance);
+            assert!(
+                warning.contains("2 of the 4 worlds") && warning.contains(":1000022"),
+                "{warning}"
+            );
+            assert_eq!(
+                warned(&["random-circuit:1000024", "random-lane:1000003"], provenance),
+                ""
+            );
+        }
+        let recorded = learned(&["circuit-1"]);
+        assert!(warned(&["circuit-1", "circuit-2"], &recorded).contains("1 of the 2"));
+        assert_eq!(warned(&["circuit-2"], &recorded), "");
+    }
 }

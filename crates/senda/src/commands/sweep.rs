@@ -137,6 +137,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let plan = arguments.plan()?;
     let output = Output {
         title: "Sweep",
+        warnings: vec![],
         jobs: arguments.jobs,
         results: arguments.results,
         report: arguments.report,
@@ -149,6 +150,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
 pub(crate) struct Output {
     /// Heading of the report.
     pub(crate) title: &'static str,
+    /// What the reader of the results should know.
+    pub(crate) warnings: Vec<String>,
     /// Threads.
     pub(crate) jobs: Option<usize>,
     /// File to keep results in.
@@ -187,6 +190,7 @@ pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
     let total = plan.runs()?.len();
     let interrupted = lines.len() < total;
     let mut head = Page::new(output.title, &command_line());
+    head.notes.clone_from(&output.warnings);
     if interrupted {
         head.notes
             .push(format!("Interrupted after {} of {total} runs.", lines.len()));
@@ -207,6 +211,7 @@ pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
             "runs": lines.len(),
             "wanted": total,
             "interrupted": interrupted,
+            "warnings": output.warnings,
             "errors": table.errors,
             "wall_s": wall_s,
             "rows": table.rows,

@@ -1,6 +1,8 @@
 //! `senda train`: a network on recordings.
 
-use super::{report::command_line, save_model, training_report};
+mod fine_tuning;
+
+use super::{check_out, report::command_line, save_model, training_report};
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -10,7 +12,7 @@ use senda_learn::{
     beginning::begin,
     gather::{self, Data, Selection},
     learn::network_for,
-    split::split,
+    split,
     train::{self, Errors, Lesson, News, Training},
 };
 use senda_nets::{Colour, Crop, Edges, InputSpec, Model, Provenance, View};
@@ -21,7 +23,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Experiment {
-    network: String,
+    network: Option<String>,
     pub(crate) data: Vec<PathBuf>,
     validation: Vec<PathBuf>,
     pub(crate) split: Split,
@@ -29,7 +31,7 @@ pub(crate) struct Experiment {
     pub(crate) split_gap: usize,
     pub(crate) vehicle: String,
     colour: Option<Colour>,
-    crop: Crop,
+    crop: Option<Crop>,
     edges: Option<Edges>,
     stack: Option<usize>,
     pub(crate) answers: Vec<Answer>,
@@ -51,7 +53,7 @@ impl Experiment {
 impl Default for Experiment {
     fn default() -> Self {
         Self {
-            network: "pilotnet".into(),
+            network: None,
             data: vec![],
             validation: vec![],
             split: Split::default(),
@@ -59,7 +61,7 @@ impl Default for Experiment {
             split_gap: 0,
             vehicle: "picar".into(),
             colour: None,
-            crop: Crop::default(),
+            crop: None,
             edges: None,
             stack: None,
             answers: vec![Answer::Steering],
@@ -177,8 +179,8 @@ impl Arguments {
         if !self.validation.is_empty() {
             experiment.validation.clone_from(&self.validation);
         }
-        if let Some(network) = &self.network {
-            experiment.network.clone_from(network);
+        if self.network.is_some() {
+            experiment.network.clone_from(&self.network);
         }
         if let Some(vehicle) = &self.vehicle {
             experiment.vehicle.clone_from(vehicle);
@@ -191,8 +193,11 @@ impl Arguments {
         }
         experiment.validation_share = self.validation_share.unwrap_or(experiment.validation_share);
         experiment.split_gap = self.split_gap.unwrap_or(experiment.split_gap);
-        experiment.crop.top = self.crop_top.unwrap_or(experiment.crop.top);
-        experiment.crop.bottom = self.crop_bottom.unwrap_or(experiment.crop.bottom);
+        if self.crop_top.is_some() || self.crop_bottom.is_some() {
+            let crop = experiment.crop.get_or_insert_default();
+            crop.top = self.crop_top.unwrap_or(crop.top);
+            crop.bottom = self.crop_bottom.unwrap_or(crop.bottom);
+        }
         experiment.full_lock_deg = self.full_lock_deg.or(experiment.full_lock_deg);
         if let Some(degrees) = experiment.full_lock_deg
             && !(degrees > 0.0 && degrees <= 360.0)
@@ -223,7 +228,8 @@ impl Arguments {
 }
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
-    let experiment = arguments.experiment()?;
+    let mut experiment = arguments.experiment()?;
+    check_out(&arguments.out)?;
     let began_ns = terminal::clock_ns();
     let is_model = |path: &&PathBuf| {
         let extension = path.extension().and_then(|extension| extension.to_str());
@@ -231,9 +237,11 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     };
     let (network, weights, mut input) = if let Some(path) = arguments.from.as_ref().filter(is_model) {
         let model = Model::load(path)?;
+        fine_tuning::refuse_other(&model, path, &experiment)?;
         (model.network, model.weights, model.input)
     } else {
-        let network = network_for(&experiment.network, &experiment.answers)?;
+        let name = experiment.network.get_or_insert_with(|| "pilotnet".to_owned());
+        let network = network_for(name, &experiment.answers)?;
         let seed = experiment.training.seed;
         let (weights, note) = begin(&network, &experiment.training, seed, arguments.from.as_deref())?;
         if let Some(note) = note {
@@ -241,7 +249,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         }
         let view = View {
             colour: experiment.colour,
-            crop: experiment.crop,
+            crop: experiment.crop.unwrap_or_default(),
             edges: experiment.edges,
             stack: experiment.stack,
         };
@@ -259,31 +267,46 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             &experiment.selection,
             &mut |done, of| bar.set_position((1000 * done / of.max(1)) as u64),
         )?;
-        for warning in data.warnings.iter().take(10) {
-            bar.suspend(|| eprintln!("warning: {warning}"));
-        }
+        bar.suspend(|| terminal::warn(&data.warnings));
+        data.expect_frames(paths)?;
         Ok(data)
     };
     let Data {
-        samples: all, camera, ..
+        samples: all,
+        camera,
+        used,
+        mut warnings,
+        sources,
+        ..
     } = read(&experiment.data)?;
-    if all.is_empty() {
-        bail!(
-            "expected frames to learn from, but found none in {} files or folders",
-            experiment.data.len()
-        );
-    }
     let (training, validation) = if experiment.validation.is_empty() {
-        split(
+        let share = experiment.validation_share;
+        let (training, validation) = split::split(
             &all,
             experiment.split,
-            experiment.validation_share,
+            share,
             experiment.split_gap,
             experiment.training.seed,
             arguments.allow_leak,
-        )?
+        )?;
+        if let Some(note) = split::far_off(&training, &validation, experiment.split, share) {
+            bar.suspend(|| terminal::tell(&format!("warning: {note}")));
+            warnings.push(note);
+        }
+        (training, validation)
     } else {
-        (all, read(&experiment.validation)?.samples)
+        let judging = read(&experiment.validation)?;
+        let learned_too = judging.sources.intersection(&sources).count();
+        if learned_too > 0 {
+            let leak = format!(
+                "{learned_too} of the {} files or data sets that judge are learned from too: validation measures memory, not driving",
+                judging.sources.len()
+            );
+            bar.suspend(|| terminal::tell(&format!("warning: {leak}")));
+            warnings.push(leak);
+        }
+        warnings.extend(judging.warnings);
+        (all, judging.samples)
     };
     // What the data do not know, a model that is fine-tuned may.
     input.camera = camera.or(input.camera);
@@ -359,11 +382,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let mut provenance = Provenance {
         senda: env!("CARGO_PKG_VERSION").to_owned(),
         commit: senda_run::COMMIT.to_owned(),
-        data: experiment
-            .data
-            .iter()
-            .map(|path| path.display().to_string())
-            .collect(),
+        data: used.iter().map(|path| path.display().to_string()).collect(),
         worlds: {
             let mut worlds: Vec<String> = training
                 .runs
@@ -421,6 +440,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             "on_validation": on_validation.map(|judged| judged.json()),
             "history": trained.history,
             "interrupted": trained.interrupted,
+            "warnings": warnings,
             "wall_s": wall_s,
         });
         println!("{}", serde_json::to_string_pretty(&value)?);

@@ -5,7 +5,7 @@ use crate::commands::write_file;
 use crate::terminal;
 use anyhow::{Result, bail};
 use clap::Args;
-use senda_learn::{Samples, Split, gather, split::split};
+use senda_learn::{Samples, Split, gather, split};
 use senda_nets::{InputSpec, Shape};
 use senda_run::scenario::find_vehicle;
 use serde::Serialize;
@@ -80,7 +80,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     // The pictures are decoded, since broken ones do not count, but one pixel of each is enough.
     let input = InputSpec::of(Shape::flat(1));
     let bar = terminal::bar("reading");
-    let data = gather::recordings(
+    let mut data = gather::recordings(
         &experiment.data,
         &body,
         &input,
@@ -89,13 +89,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         &mut |done, of| bar.set_position((1000 * done / of.max(1)) as u64),
     )?;
     bar.finish_and_clear();
-    for warning in data.warnings.iter().take(10) {
-        eprintln!("warning: {warning}");
-    }
-    if data.samples.is_empty() {
-        bail!("expected frames to split, but found none");
-    }
-    let (training, validation) = split(
+    data.expect_frames(&experiment.data)?;
+    let (training, validation) = split::split(
         &data.samples,
         experiment.split,
         experiment.validation_share,
@@ -103,6 +98,13 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         experiment.training.seed,
         arguments.allow_leak,
     )?;
+    data.warnings.extend(split::far_off(
+        &training,
+        &validation,
+        experiment.split,
+        experiment.validation_share,
+    ));
+    terminal::warn(&data.warnings);
     if let Some(path) = &arguments.out {
         let text = format!(
             "# Learned from: {}\n# Judged by: {}\n{}",
@@ -118,6 +120,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         let value = serde_json::json!({
             "split": experiment.split,
             "leaks": leaks,
+            "warnings": data.warnings,
             "training": sides(&training, leaks),
             "validation": sides(&validation, leaks),
             "training_frames": training.len(),

@@ -161,17 +161,36 @@ fn outputs(imported: &Imported, description: &Description) -> Result<Vec<OutputS
 pub(super) fn run(arguments: Arguments) -> Result<()> {
     let description = arguments.description()?;
     let imported = Imported::load(&arguments.onnx)?;
-    let model = Model {
-        input: input(&imported, &description)?,
-        outputs: outputs(&imported, &description)?,
-        provenance: Provenance {
+    let imported_by = command_line();
+    let provenance = match imported.metadata.get("senda.provenance") {
+        Some(text) => {
+            let mut own: Provenance =
+                serde_json::from_str(text).context("the ONNX file's senda.provenance is damaged")?;
+            let notes = [
+                own.notes.as_str(),
+                &description.notes,
+                &format!("through ONNX: {imported_by}"),
+            ];
+            own.notes = notes
+                .into_iter()
+                .filter(|note| !note.is_empty())
+                .collect::<Vec<_>>()
+                .join("; ");
+            own
+        }
+        None => Provenance {
             senda: env!("CARGO_PKG_VERSION").to_owned(),
             commit: senda_run::COMMIT.to_owned(),
             data: vec![format!("unknown: imported from {}", arguments.onnx.display())],
-            command: command_line(),
+            command: imported_by,
             notes: description.notes.clone(),
             ..Provenance::default()
         },
+    };
+    let model = Model {
+        input: input(&imported, &description)?,
+        outputs: outputs(&imported, &description)?,
+        provenance,
         network: imported.network,
         weights: imported.weights,
         grids: vec![],
