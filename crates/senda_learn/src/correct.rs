@@ -218,7 +218,7 @@ pub struct Gathered {
     pub strayed: usize,
 }
 
-/// Gathers about `frames` frames (whole drives, so a few more): the model drives, or without one the expert. Drives are
+/// Gathers at least `frames` frames, and all that the last group of eight drives gives beyond: the model drives, or without one the expert. Drives are
 /// numbered from `first_drive`; number and seed decide everything about a drive, so threads do not matter.
 pub fn gather(
     brief: &Brief,

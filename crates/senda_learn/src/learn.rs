@@ -271,7 +271,7 @@ pub fn learn(
         network,
         input,
         outputs: learning.answers.iter().map(|answer| answer.output()).collect(),
-        provenance: provenance(learning),
+        provenance: provenance(learning, &[]),
         grids: vec![],
         detection: None,
         forgets,
@@ -388,7 +388,8 @@ pub fn learn(
         };
         if last {
             store::write_json(&folder.join("history.json"), &history)?;
-            model.provenance.metrics = metrics(&rounds, &round);
+            let all_rounds: Vec<Round> = rounds.iter().chain([&round]).cloned().collect();
+            model.provenance = provenance(learning, &all_rounds);
             model.save(&file("senda"))?;
         }
         store::write_round(&file("samples"), &file("json"), &samples, &round)?;
@@ -441,30 +442,38 @@ fn same_experiment(learning: &Learning, path: &Path) -> Result<(), LearnError> {
     }
 }
 
-fn provenance(learning: &Learning) -> Provenance {
+/// What became of the rounds, of which there are none yet at the beginning.
+fn provenance(learning: &Learning, rounds: &[Round]) -> Provenance {
     let gathering = &learning.gathering;
+    let expert = rounds.first().map_or(0, |round| round.frames);
+    let all = rounds.last().map_or(0, |round| round.frames);
+    let drives: u64 = rounds.iter().map(|round| round.drives as u64).sum();
+    let mut metrics = serde_json::Map::new();
+    if !rounds.is_empty() {
+        metrics.insert("rounds".to_owned(), serde_json::json!(rounds));
+    }
     Provenance {
         senda: env!("CARGO_PKG_VERSION").to_owned(),
         commit: senda_run::COMMIT.to_owned(),
         data: vec![format!(
-            "{} frames by the expert, {} rounds of {} frames corrected by it (DAgger)",
-            learning.expert_frames, learning.rounds, learning.round_frames
+            "{expert} frames by the expert, {} frames of {} rounds corrected by it (DAgger)",
+            all - expert,
+            learning.rounds
         )],
         worlds: gathering
             .families
             .iter()
-            .map(|family| format!("{family}, seeds from {}", gathering.first_world))
+            .map(|family| {
+                format!(
+                    "{family}:{}..{}",
+                    gathering.first_world,
+                    gathering.first_world + drives
+                )
+            })
             .collect(),
         seed: learning.seed,
+        metrics,
         ..Provenance::default()
-    }
-}
-
-fn metrics(earlier: &[Round], last: &Round) -> serde_json::Map<String, serde_json::Value> {
-    let rounds: Vec<_> = earlier.iter().chain([last]).collect();
-    match serde_json::json!({"rounds": rounds}) {
-        serde_json::Value::Object(map) => map,
-        _ => serde_json::Map::new(),
     }
 }
 
