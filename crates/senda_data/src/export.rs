@@ -3,10 +3,13 @@
 use crate::edits::open_edited_runs;
 use crate::import::set_name;
 use crate::open::Format;
-use crate::{DataError, Recording, named_frames, tub, udacity};
+use crate::{DataError, Recording, Step, named_frames, tub, udacity};
 use senda_core::Body;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+
+/// Steering beyond this part of full lock is cut off; less is rounding.
+const BEYOND_LOCK: f64 = 1.000_001;
 
 /// One run that an export wrote.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -68,10 +71,27 @@ fn write(recording: Recording, index: usize, format: Format, path: PathBuf) -> R
             named_frames::write(&recording, &path, &format!("v{:06}", index + 1))?
         }
     };
+    let mut warnings = recording.warnings;
+    if format == Format::Udacity {
+        let beyond = |step: &&Step| {
+            udacity::convert::unlimited_steering(&recording.header.body, &step.command).abs() > BEYOND_LOCK
+        };
+        let count = recording.steps.iter().filter(beyond).count();
+        if count > 0 {
+            // First: it concerns every reader of the export.
+            warnings.insert(
+                0,
+                format!(
+                    "{count} of {} labels are steered further than the format's 25°, and were written as 25°",
+                    recording.steps.len()
+                ),
+            );
+        }
+    }
     Ok(Exported {
         path,
         frames,
         skipped: recording.steps.len().saturating_sub(frames),
-        warnings: recording.warnings,
+        warnings,
     })
 }

@@ -193,6 +193,24 @@ fn what_is_exported_is_what_the_edits_left_in_every_format() {
     }
 }
 
+/// A small car's full lock is more than the 25° of the Udacity format: its curves were cut off without a word.
+#[test]
+fn labels_that_a_format_cannot_hold_are_counted() {
+    let (folder, path, mut run) = recorded(8, |number| 0.1 * number as f64);
+    // 0.5, 0.6 and 0.7 rad are more than 25°.
+    run.header.body.steering = senda_core::Steering::Ackermann {
+        wheelbase_m: 0.17,
+        steering_limit_rad: 0.8,
+    };
+    run.save(&path).unwrap();
+    let told = |format: Format| {
+        let to = folder.path().join(format.name());
+        export(&path, &car(), format, &to).unwrap()[0].warnings.join("\n")
+    };
+    assert!(told(Format::Udacity).contains("3 of 8 labels"));
+    assert!(!told(Format::Tub).contains("labels"));
+}
+
 #[test]
 fn the_real_tub_is_looked_through() {
     let Some(path) = support::shared("donkeycar_warehouse_tub.tar.gz") else {

@@ -17,10 +17,15 @@ pub fn command_from_log(steering: f64, throttle: f64, brake: f64) -> Command {
     }
 }
 
+/// Steering of a row for a command, whatever their range.
+pub fn unlimited_steering(body: &Body, command: &Command) -> f64 {
+    -body.steering_of(command.turn, body.speed_of(command)) / FULL_STEERING_RAD
+}
+
 /// Steering, throttle and brake of a row for a command, within their ranges.
 pub fn log_from_command(body: &Body, command: &Command) -> (f64, f64, f64) {
     let speed_mps = body.speed_of(command);
-    let steering = -body.steering_of(command.turn, speed_mps) / FULL_STEERING_RAD;
+    let steering = unlimited_steering(body, command);
     let pedal = match command.drive {
         Drive::Throttle(pedal) => pedal,
         Drive::SpeedMps(_) if body.speed_limit_mps > 0.0 => speed_mps / body.speed_limit_mps,

@@ -1,5 +1,6 @@
 //! `senda data export`: recordings for other people's programs.
 
+use crate::terminal;
 use anyhow::{Context, Result};
 use clap::Args;
 use senda_data::Format;
@@ -37,9 +38,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let body = find_vehicle(&arguments.vehicle)?.body();
     let all = senda_data::export(&arguments.data, &body, arguments.format, &arguments.out)
         .with_context(|| format!("cannot export {}", arguments.data.display()))?;
-    for warning in all.iter().flat_map(|run| &run.warnings).take(10) {
-        eprintln!("warning: {warning}");
-    }
+    let warnings: Vec<String> = all.iter().flat_map(|run| run.warnings.clone()).collect();
+    terminal::warn(&warnings);
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(&all)?);
         return Ok(());
