@@ -191,7 +191,7 @@ fn what_is_named_twice_counts_once() {
         )
         .unwrap()
     };
-    let once = read(&[runs.clone()]);
+    let once = read(std::slice::from_ref(&runs));
     let again = read(&[runs.clone(), runs.join("../runs"), runs.join("b.mcap")]);
     assert_eq!(again.samples, once.samples);
     assert_eq!(again.used, [runs]);
