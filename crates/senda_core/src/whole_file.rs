@@ -189,10 +189,11 @@ mod tests {
         let pipe = folder.path().join("pipe");
         let made = std::process::Command::new("mkfifo").arg(&pipe).status().unwrap();
         assert!(made.success());
-        let reader = std::thread::spawn({
-            let pipe = pipe.clone();
-            move || fs::read(pipe).unwrap()
-        });
+        let from = pipe.clone();
+        let reader = std::thread::Builder::new()
+            .name("reader".into())
+            .spawn(move || fs::read(from).unwrap())
+            .unwrap();
         check_place(&pipe).unwrap();
         let earlier = replace_keeping_earlier(&pipe, |file| file.write_all(b"through the pipe")).unwrap();
         assert_eq!(earlier, None);
