@@ -81,6 +81,8 @@ pub(crate) struct Sight {
     tries: u32,
     /// Dashes have been seen that make up a line: from now on they are joined in every frame.
     dashed: bool,
+    /// Frames in a row that showed something faint and nothing better, as long as no line has been begun with.
+    faint_frames: u32,
     statistics: Statistics,
 }
 
@@ -135,6 +137,11 @@ const SINGLE_DASH_STRENGTH: f64 = 4.0;
 const DASHES: usize = 3;
 /// So many pieces of lines are looked at, those with the largest scores.
 const PIECES_LIMIT: usize = 16;
+/// What stands out by less than so many times what noise may is faint ...
+const FAINT_STRENGTH: f64 = 2.0;
+/// ... and no line to begin with before so many frames in a row have shown it: before the exposure has settled a single
+/// frame shows noise as strong.
+const FAINT_FRAMES: u32 = 4;
 /// With less than this part of its rows whole a blob is cut by the picture's side.
 const CUT_PART: f64 = 0.3;
 /// A line cut by the picture's side must fill this part of its rows to begin with.
@@ -178,6 +185,7 @@ impl Sight {
             tried: None,
             tries: 0,
             dashed: false,
+            faint_frames: 0,
             statistics: Statistics::default(),
         })
     }
@@ -254,7 +262,20 @@ impl Sight {
         } else {
             extractor.blobs()
         };
-        self.dashed |= lines.len() < count || (begins && !lines.is_empty());
+        if self.faint_frames < FAINT_FRAMES {
+            let least = FAINT_STRENGTH * self.options.extractor.limits.strength;
+            self.faint_frames = match lines {
+                [] => 0,
+                _ if lines.iter().any(|blob| blob.residue_mean >= least) => FAINT_FRAMES,
+                _ => self.faint_frames + 1,
+            };
+        }
+        let lines = if self.faint_frames < FAINT_FRAMES {
+            &[]
+        } else {
+            lines
+        };
+        self.dashed |= !lines.is_empty() && (begins || lines.len() < count);
         for blob in lines {
             if self.known.is_some_and(|look| !look.stands_out(blob)) {
                 continue;
@@ -316,7 +337,9 @@ impl Sight {
                 self.count -= 1;
             }
         }
-        self.dashed |= self.count > 0;
+        if self.count > 0 {
+            (self.dashed, self.faint_frames) = (true, FAINT_FRAMES);
+        }
     }
 
     /// The candidate of this index is the line, or one of its lines: pieces must look like it from now on.
@@ -361,6 +384,7 @@ impl Sight {
             .filter(cut)
             .max_by(|a, b| shown(a).total_cmp(&shown(b)));
         if let Some(blob) = most {
+            self.faint_frames = FAINT_FRAMES;
             let candidate = next(&mut self.candidates, &mut self.count);
             describe(blob, &eye.map, &eye.profile, &self.options, Rows::Cut, candidate);
         }

@@ -134,6 +134,26 @@ fn without_a_line_it_stops() {
     }
 }
 
+/// Before the exposure has settled, a single frame of a plain floor shows noise as strong as a faint line: vehicles drove off
+/// and stopped after 35 cm.
+#[test]
+fn the_noise_of_a_first_frame_is_no_line() {
+    let path = changed("oval", "[[markings]]\nwidth_m = 0.018\ncolour = \"black\"\n", "");
+    for driver in ["line", "lane"] {
+        for (floor, seed) in [("plain", 1), ("plain", 2), ("glossy", 3)] {
+            let mut scenario = Scenario::new(path.to_str().unwrap(), "gopigo", driver);
+            scenario.floor = Some(floor.to_owned());
+            scenario.seed = seed;
+            let summary = drive::in_memory(&scenario, &mut Ears::deaf()).unwrap().summary;
+            assert_eq!(
+                summary.distance_m, 0.0,
+                "{driver} on {floor}, seed {seed}: {summary:?}"
+            );
+        }
+    }
+    std::fs::remove_file(path).unwrap();
+}
+
 #[test]
 fn the_digest_of_a_run_is_pinned() {
     // Regenerate by running this test and copying what it prints; it must hold on x86-64 and aarch64.
