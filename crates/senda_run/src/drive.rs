@@ -99,6 +99,7 @@ fn run_with<W: Write + Seek>(
     scenario.check()?;
     let world = scenario.resolve_world()?;
     let spec = scenario.resolve_vehicle()?;
+    scenario.start.check_with(&world, &spec)?;
     let start = Start {
         station_m: Some(
             world

@@ -56,7 +56,7 @@ pub enum RunError {
         /// Its value.
         found: String,
         /// What is allowed.
-        expected: &'static str,
+        expected: String,
     },
     /// A file of ours (scenario, sweep, results) does not parse.
     #[error("{path}: {reason}")]

@@ -21,6 +21,7 @@ pub mod random;
 pub mod referee;
 pub mod replay;
 pub mod scenario;
+mod start;
 pub mod sweep;
 pub mod trajectory;
 

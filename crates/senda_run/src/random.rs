@@ -143,7 +143,7 @@ fn wrong(name: &str) -> RunError {
     RunError::Scenario {
         key: "world",
         found: name.to_owned(),
-        expected: "like `random-line:17` or, in a sweep, `random-line:100..200`",
+        expected: "like `random-line:17` or, in a sweep, `random-line:100..200`".to_owned(),
     }
 }
 

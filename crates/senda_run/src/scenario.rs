@@ -1,7 +1,8 @@
 //! What to run: one TOML file or the flags of the command line, resolved to plain data.
 
 use crate::own_file::{self, Kind};
-use crate::{RunError, pilot, random};
+pub use crate::start::StartOffset;
+use crate::{RunError, pilot, random, start::is_zero};
 use senda_core::Body;
 use senda_geom::Camera;
 use senda_toml::nearest_names;
@@ -73,34 +74,12 @@ const CALIBRATION_FILE: Kind = Kind {
     help: "`senda calibrate camera` writes one from a photograph of its sheet",
 };
 
-/// Where the vehicle stands at the beginning, relative to the path at the world's start.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct StartOffset {
-    /// Further along the path (m).
-    #[serde(default)]
-    pub station_m: f64,
-    /// To the left of the path (m).
-    #[serde(default)]
-    pub offset_m: f64,
-    /// Turned to the left of the path's direction (rad).
-    #[serde(default)]
-    pub heading_rad: f64,
-    /// Speed with which it rolls already (m/s).
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub speed_mps: f64,
-}
-
 fn one() -> u32 {
     1
 }
 
 fn one_u64() -> u64 {
     1
-}
-
-fn is_zero(number: &f64) -> bool {
-    *number == 0.0
 }
 
 impl Scenario {
@@ -172,7 +151,13 @@ impl Scenario {
 
     /// Checks ranges that need no other file.
     pub fn check(&self) -> Result<(), RunError> {
-        let wrong = |key, found: String, expected| Err(RunError::Scenario { key, found, expected });
+        let wrong = |key, found: String, expected: &str| {
+            Err(RunError::Scenario {
+                key,
+                found,
+                expected: expected.to_owned(),
+            })
+        };
         if self.laps == 0 {
             return wrong("laps", "0".into(), "at least 1");
         }
@@ -195,25 +180,13 @@ impl Scenario {
                 "two sizes from 8 to 4096",
             );
         }
-        if !(0.0..=10.0).contains(&self.latency_s) {
-            return wrong("latency_s", self.latency_s.to_string(), "0 to 10");
+        if !(0.0..=5.0).contains(&self.latency_s) {
+            return wrong("latency_s", self.latency_s.to_string(), "0 to 5");
         }
         if !(0.0..=1.0).contains(&self.lost_frames) {
             return wrong("lost_frames", self.lost_frames.to_string(), "0 to 1");
         }
-        let start = self.start;
-        if ![
-            start.station_m,
-            start.offset_m,
-            start.heading_rad,
-            start.speed_mps,
-        ]
-        .iter()
-        .all(|number| number.is_finite())
-        {
-            return wrong("start", format!("{start:?}"), "finite numbers");
-        }
-        Ok(())
+        self.start.check()
     }
 
     /// The world with light, floor and direction applied.
@@ -233,7 +206,7 @@ impl Scenario {
             world = world.with_package(package).ok_or_else(|| RunError::Scenario {
                 key: "package",
                 found: format!("{package:?}"),
-                expected: "1 to 64 printable ASCII characters, such as I2",
+                expected: "1 to 64 printable ASCII characters, such as I2".to_owned(),
             })?;
         }
         Ok(if self.reverse { world.reversed() } else { world })

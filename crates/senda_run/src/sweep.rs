@@ -77,7 +77,7 @@ pub struct StartSpread {
     /// Turned to either side (rad).
     #[serde(default)]
     pub heading_rad: f64,
-    /// Further along the path, 0 to this (m).
+    /// Further along the path, 0 to this (m); on open paths what lies beyond their way goes on from its beginning.
     #[serde(default)]
     pub station_m: f64,
 }
@@ -235,6 +235,20 @@ impl Plan {
     }
 }
 
+impl Plan {
+    /// A run whose start was drawn beyond an open path's end, brought back onto the way.
+    fn on_the_way(&self, run: &Scenario) -> Scenario {
+        let mut run = run.clone();
+        // A world that does not resolve is complained of by the run itself.
+        if self.start_spread.station_m > 0.0
+            && let Ok(world) = run.resolve_world()
+        {
+            run.start = run.start.on_the_way(&world);
+        }
+        run
+    }
+}
+
 fn unravel(mut number: usize, sizes: &[usize; 9]) -> [usize; 9] {
     let mut places = [0; 9];
     for i in (0..9).rev() {
@@ -306,21 +320,22 @@ pub fn run(
                 clock_ns: Box::new(clock_ns),
             };
             let began_ns = clock_ns();
-            let line = match drive::in_memory(&runs[i], &mut ears) {
+            let scenario = plan.on_the_way(&runs[i]);
+            let line = match drive::in_memory(&scenario, &mut ears) {
                 Ok(outcome) if outcome.ending == drive::Ending::Interrupted => return Ok(None),
                 Ok(outcome) => {
                     let mut summary = outcome.summary;
                     summary.wall_s = clock_ns().saturating_sub(began_ns) as f64 * 1e-9;
                     Line {
                         key: keys[i].clone(),
-                        scenario: runs[i].clone(),
+                        scenario,
                         summary: Some(summary),
                         error: None,
                     }
                 }
                 Err(error) => Line {
                     key: keys[i].clone(),
-                    scenario: runs[i].clone(),
+                    scenario,
                     summary: None,
                     error: Some(error.to_string()),
                 },

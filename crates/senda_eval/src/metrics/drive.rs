@@ -225,7 +225,9 @@ pub fn trace(course: &Course, truths: &[Truth]) -> Trace {
 
         let progress_m = tracker.travelled_m();
         rows.push(course, truth, place, progress_m, heading_error_rad, inside);
-        if rows.finished_at.is_none() && goal_m.is_some_and(|goal| progress_m >= goal - GOAL_TOLERANCE_M) {
+        // Where nothing is left to be driven, nothing is completed.
+        let finished = goal_m.is_some_and(|goal| goal > 0.0 && progress_m >= goal - GOAL_TOLERANCE_M);
+        if rows.finished_at.is_none() && finished {
             rows.finished_at = Some(rows.len() - 1);
         }
     }
@@ -318,10 +320,12 @@ pub(crate) fn measure_trace(course: &Course, truths: &[Truth], rows: &Trace) -> 
     };
     metrics.completed = reached && metrics.departures == 0;
     metrics.completion = rows.goal_m.map(|goal_m| {
-        if metrics.completed || goal_m <= 0.0 {
+        if metrics.completed {
             1.0
-        } else {
+        } else if goal_m > 0.0 {
             (inside_m / goal_m).clamp(0.0, 1.0)
+        } else {
+            0.0
         }
     });
     let gained_mps = if metrics.duration_s > 0.0 {

@@ -171,6 +171,20 @@ fn never_moving_costs_the_whole_road() {
     assert_eq!(no_goal.completion, None);
 }
 
+/// A start beyond an open path's end was a way of no length, completed by standing there.
+#[test]
+fn standing_at_the_end_completes_nothing() {
+    let path = straight(2.0);
+    let at_the_end = |driven_m: f64| {
+        let places = stations(driven_m, 50).map(|s| (2.0 - driven_m + s, 0.0));
+        measure(&course(&path, Some(1.0)), &drive(&path, places))
+    };
+    let standing = at_the_end(0.0);
+    assert_eq!((standing.completed, standing.completion), (false, Some(0.0)));
+    let driving = at_the_end(0.5);
+    assert_eq!((driving.completed, driving.completion), (true, Some(1.0)));
+}
+
 #[test]
 fn reversing_is_not_progress() {
     let path = circle();
