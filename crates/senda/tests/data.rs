@@ -310,3 +310,41 @@ fn data_sets_that_are_none_are_named() {
         .failure()
         .stderr(contains("expected a picture"));
 }
+
+/// As text it ended with 1, as JSON with 0; and a damaged place was blamed on senda.
+#[test]
+fn replays_end_with_the_same_code_in_words_and_as_json() {
+    let folder = tempfile::tempdir().unwrap();
+    let runs = folder.path().join("runs");
+    senda(&["drive", "--time-limit", "4", "--record", text(&runs)]).success();
+    let file = runs.join("oval-gopigo-line-1.mcap");
+    let whole = senda_data::Recording::read(&file).unwrap();
+
+    let mut other = whole.clone();
+    other.steps[2].command = senda_core::Command::STOP;
+    other.steps[3].command = senda_core::Command::curvature(1.0, 0.1);
+    let other_file = folder.path().join("other.mcap");
+    other.save(&other_file).unwrap();
+    senda(&["replay", text(&other_file)]).code(1);
+    let found = senda(&["replay", text(&other_file), "--json"])
+        .code(1)
+        .stderr(predicates::str::contains("senda is broken"));
+    let found: serde_json::Value = serde_json::from_slice(&found.get_output().stdout).unwrap();
+    assert!(found["different_commands"].as_u64().unwrap() >= 1);
+
+    let mut bytes = std::fs::read(&file).unwrap();
+    let picture = &whole.steps[whole.steps.len() / 2].frames[0].encoded.bytes;
+    let at = bytes
+        .windows(picture.len())
+        .position(|found| found == picture)
+        .unwrap();
+    bytes[at + 100..at + 300].fill(0);
+    let damaged = folder.path().join("damaged.mcap");
+    std::fs::write(&damaged, bytes).unwrap();
+    senda(&["replay", text(&damaged)])
+        .success()
+        .stdout(predicates::str::contains("where the recording is damaged"));
+    let found = json(&["replay", text(&damaged), "--json"]);
+    assert!(found["gaps"][0]["steps"].as_u64().unwrap() > 0, "{found}");
+    assert!(found["warnings"][0].as_str().unwrap().contains("is damaged"));
+}

@@ -136,6 +136,7 @@ impl Set {
         body.period_s = period_s;
         fit_cameras(&mut body, &steps, &mut warnings);
         Recording {
+            lost: Vec::new(),
             header: header(format, &source, body),
             steps,
             summary: None,

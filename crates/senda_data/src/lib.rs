@@ -65,7 +65,7 @@ pub use imported::Origin;
 pub use info::{Info, info};
 pub use open::{Format, open, open_runs};
 pub use reader::NO_SUMMARY;
-pub use recording::{EncodedFrame, FORMAT, Recording, RecordingHeader, Step};
+pub use recording::{EncodedFrame, FORMAT, LostSteps, Recording, RecordingHeader, Step};
 pub use replay::{Difference, Replay};
 pub use stats::{Stats, stats};
 pub use writer::{RecordingOptions, RecordingWriter};

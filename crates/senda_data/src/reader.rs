@@ -5,7 +5,7 @@ use crate::messages::{
     self, CAMERA_TOPIC, COMMAND, CompressedImage, EXPLANATION, OBSERVATION, POSE_TOPIC, Sensed, TRUTH,
 };
 use crate::warnings::Warnings;
-use crate::{DataError, EncodedFrame, FORMAT, Recording, RecordingHeader, Step};
+use crate::{DataError, EncodedFrame, FORMAT, LostSteps, Recording, RecordingHeader, Step};
 use prost::Message;
 use senda_core::{Command, Encoded, Explanation, ImageFormat, Truth};
 use std::collections::BTreeMap;
@@ -96,10 +96,11 @@ pub(crate) fn read(path: &Path, from: impl Read) -> Result<Recording, DataError>
             }),
         }
     }
-    let steps = collected.take_steps(end);
+    let (steps, lost) = collected.take_steps(end);
     Ok(Recording {
         header,
         steps,
+        lost,
         summary: collected.summary,
         warnings: collected.warnings.finish(),
     })
@@ -173,22 +174,32 @@ impl Collected {
         }
     }
 
-    fn take_steps(&mut self, end: End) -> Vec<Step> {
+    fn take_steps(&mut self, end: End) -> (Vec<Step>, Vec<LostSteps>) {
         let mut steps = Vec::with_capacity(self.steps.len());
+        let mut lost = Vec::new();
+        // Recorded steps are numbered from 0.
+        let mut next = 0;
         let last = self.steps.keys().next_back().copied();
         for (sequence, parts) in std::mem::take(&mut self.steps) {
             let time_s = parts.log_time as f64 * 1e-9;
             match (parts.sensed, parts.command) {
-                (Some(sensed), Some(command)) => steps.push(Step {
-                    stamp: sensed.stamp,
-                    frames: parts.frames,
-                    speed_mps: sensed.speed_mps,
-                    wheels: sensed.wheels,
-                    battery_v: sensed.battery_v,
-                    command,
-                    truth: parts.truth,
-                    explanation: parts.explanation.unwrap_or_default(),
-                }),
+                (Some(sensed), Some(command)) => {
+                    if sequence > next {
+                        let (before, count) = (steps.len(), sequence - next);
+                        lost.push(LostSteps { before, count });
+                    }
+                    next = sequence.saturating_add(1);
+                    steps.push(Step {
+                        stamp: sensed.stamp,
+                        frames: parts.frames,
+                        speed_mps: sensed.speed_mps,
+                        wheels: sensed.wheels,
+                        battery_v: sensed.battery_v,
+                        command,
+                        truth: parts.truth,
+                        explanation: parts.explanation.unwrap_or_default(),
+                    });
+                }
                 // The break goes through this step: the warning about the break says it all.
                 _ if end != End::Whole && Some(sequence) == last => {}
                 (sensed, _) => self.warnings.add("incomplete steps", || {
@@ -218,7 +229,7 @@ impl Collected {
         } else if self.summary.is_none() {
             self.warnings.add("missing summaries", || NO_SUMMARY.into());
         }
-        steps
+        (steps, lost)
     }
 }
 

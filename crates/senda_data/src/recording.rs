@@ -126,6 +126,17 @@ pub struct Recording {
     pub summary: Option<serde_json::Value>,
     /// What was damaged, missing or guessed while reading.
     pub warnings: Vec<String>,
+    /// Where steps are missing because the file was damaged; its end is not counted.
+    pub lost: Vec<LostSteps>,
+}
+
+/// Steps in a row that a damaged file does not hold any more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LostSteps {
+    /// They came before this one of the steps that are left.
+    pub before: usize,
+    /// How many.
+    pub count: u32,
 }
 
 impl Recording {

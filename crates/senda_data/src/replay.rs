@@ -22,8 +22,10 @@ pub struct Replay {
     recording: Recording,
     next: usize,
     damaged_frames: usize,
+    first_damaged: Option<usize>,
     compared: usize,
     differences: usize,
+    unexplained: usize,
     first_difference: Option<Difference>,
 }
 
@@ -34,8 +36,10 @@ impl Replay {
             recording,
             next: 0,
             damaged_frames: 0,
+            first_damaged: None,
             compared: 0,
             differences: 0,
+            unexplained: 0,
             first_difference: None,
         }
     }
@@ -65,6 +69,17 @@ impl Replay {
         self.differences
     }
 
+    /// Those of them that came before anything was found missing: whoever remembers earlier frames answers otherwise once
+    /// steps are lost or a picture is damaged.
+    pub fn unexplained(&self) -> usize {
+        self.unexplained
+    }
+
+    /// The first step before or in which something is missing.
+    pub fn first_damaged(&self) -> Option<usize> {
+        self.first_damaged
+    }
+
     /// The first of them.
     pub fn first_difference(&self) -> Option<&Difference> {
         self.first_difference.as_ref()
@@ -84,8 +99,12 @@ impl Vehicle for Replay {
         let Some(step) = self.recording.steps.get(self.next) else {
             return Ok(false);
         };
+        let damaged = step.observation_into(observation);
+        if damaged > 0 || self.recording.lost.iter().any(|lost| lost.before == self.next) {
+            self.first_damaged.get_or_insert(self.next);
+        }
         self.next += 1;
-        self.damaged_frames += step.observation_into(observation);
+        self.damaged_frames += damaged;
         Ok(true)
     }
 
@@ -102,6 +121,7 @@ impl Vehicle for Replay {
         self.compared += 1;
         if difference.recorded != difference.replayed {
             self.differences += 1;
+            self.unexplained += usize::from(self.first_damaged.is_none());
             self.first_difference.get_or_insert(difference);
         }
         Ok(())

@@ -137,6 +137,16 @@ fn a_damaged_chunk_costs_only_its_own_steps() {
         warning.contains("between 1.050 s") || warning.contains("between 1.0"),
         "{warning}"
     );
+    let [lost] = recording.lost[..] else {
+        panic!("{:?}", recording.lost)
+    };
+    assert_eq!(lost.count as usize, 40 - recording.steps.len());
+    let whole = support::recording(40).steps;
+    assert_eq!(recording.steps[lost.before - 1], whole[lost.before - 1]);
+    assert_eq!(
+        recording.steps[lost.before],
+        whole[lost.before + lost.count as usize]
+    );
 }
 
 #[test]

@@ -260,6 +260,7 @@ fn made_up(
         },
         steps,
         summary: None,
+        lost: vec![],
         warnings: vec![],
     }
 }

@@ -3,6 +3,7 @@
 use crate::{Ears, Pilot, RunError, Scenario, drive, drive::Ending};
 use senda_data::{NO_SUMMARY, Recording, RecordingWriter, Replay};
 use senda_world::World;
+use serde::Serialize;
 use std::io::Cursor;
 
 /// What to replay with; what is absent stays as recorded.
@@ -14,6 +15,17 @@ pub struct Options {
     pub speed_mps: Option<f64>,
     /// Options for another driver (the recorded driver keeps its own, with these laid over them).
     pub driver_options: toml::Table,
+}
+
+/// Steps that a damaged recording does not hold any more.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Gap {
+    /// The last step before them (s); 0 without one.
+    pub from_s: f64,
+    /// The first step after them (s).
+    pub to_s: f64,
+    /// How many.
+    pub steps: u32,
 }
 
 /// What a replay showed.
@@ -29,6 +41,12 @@ pub struct Replayed {
     pub interrupted: bool,
     /// Steps whose command differs from the recorded one, bit for bit.
     pub different_commands: usize,
+    /// Those of them before anything was found missing.
+    pub unexplained: usize,
+    /// The first step before or in which something is missing.
+    pub first_damaged: Option<usize>,
+    /// What a damaged file does not hold any more.
+    pub gaps: Vec<Gap>,
     /// Frames whose picture could not be decoded.
     pub damaged_frames: usize,
     /// Time that the driver took for each frame (ns).
@@ -72,6 +90,13 @@ pub fn run(recording: Recording, options: &Options, ears: &mut Ears) -> Result<R
         return Err(RunError::NoTruth { driver });
     }
     let recorded_steps = recording.steps.len();
+    let time_s = |step: usize| recording.steps.get(step).map_or(0.0, |step| step.stamp.as_s());
+    let gaps = recording.lost.iter().map(|lost| Gap {
+        from_s: lost.before.checked_sub(1).map_or(0.0, time_s),
+        to_s: time_s(lost.before),
+        steps: lost.count,
+    });
+    let gaps = gaps.collect();
     let total = recorded_steps.max(1) as f64;
     let mut vehicle = Replay::new(recording);
     let mut recorder = Some(RecordingWriter::new(Cursor::new(Vec::new()), &header)?);
@@ -98,6 +123,9 @@ pub fn run(recording: Recording, options: &Options, ears: &mut Ears) -> Result<R
         recorded_steps,
         interrupted: ending == Ending::Interrupted && steps < recorded_steps,
         different_commands: vehicle.differences(),
+        unexplained: vehicle.unexplained(),
+        first_damaged: vehicle.first_damaged(),
+        gaps,
         damaged_frames: vehicle.damaged_frames(),
         frame_times_ns: log.frame_times_ns,
     };
@@ -118,6 +146,38 @@ pub fn recorded_world(recording: &Recording) -> Result<Option<World>, RunError> 
 mod tests {
     use super::*;
     use std::cell::Cell;
+
+    /// Steps were missing, so the driver remembered something else, and senda was said to be broken.
+    #[test]
+    fn what_differs_after_a_damaged_place_is_not_blamed_on_senda() {
+        let scenario = Scenario {
+            time_limit_s: Some(6.0),
+            ..Scenario::new("oval", "gopigo", "line")
+        };
+        let (_, sink) = drive::run(&scenario, Some(Cursor::new(Vec::new())), &mut Ears::deaf()).unwrap();
+        let mut bytes = sink.unwrap().into_inner();
+        let whole = Recording::from_bytes(&bytes).unwrap();
+        let picture = &whole.steps[whole.steps.len() / 2].frames[0].encoded.bytes;
+        let at = bytes
+            .windows(picture.len())
+            .position(|found| found == picture)
+            .unwrap();
+        bytes[at + 100..at + 300].fill(0);
+        let damaged = Recording::from_bytes(&bytes).unwrap();
+        let replayed = run(damaged.clone(), &Options::default(), &mut Ears::deaf()).unwrap();
+        let [gap] = replayed.gaps[..] else {
+            panic!("{:?}", replayed.gaps)
+        };
+        assert_eq!(damaged.steps.len() + gap.steps as usize, whole.steps.len());
+        assert!(0.0 < gap.from_s && gap.from_s < gap.to_s, "{gap:?}");
+        assert!(replayed.different_commands > 0);
+        assert_eq!(replayed.unexplained, 0);
+        // Before the damage nothing may differ.
+        let mut other = damaged;
+        other.steps[2].command = senda_core::Command::curvature(1.0, 0.1);
+        let replayed = run(other, &Options::default(), &mut Ears::deaf()).unwrap();
+        assert_eq!(replayed.unexplained, 1);
+    }
 
     /// What an interrupted replay had done by then claimed to be the whole.
     #[test]

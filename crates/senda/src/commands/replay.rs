@@ -6,7 +6,7 @@ use super::{
     write_file,
 };
 use crate::terminal;
-use anyhow::{Result, bail};
+use anyhow::{Result, anyhow, bail};
 use clap::Args;
 use senda_data::Recording;
 use senda_eval::{
@@ -146,12 +146,25 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         write_file(path, page.as_bytes())?;
         eprintln!("report: {}", path.display());
     }
+    // Whoever made it: the same observations through the same driver give the same commands.
+    let verdict = if foreign || changed || replayed.unexplained == 0 {
+        Ok(())
+    } else {
+        Err(anyhow!(
+            "{} of {} commands differ from the recorded ones: the recording was made by another version of senda ({}), or senda is broken",
+            replayed.different_commands,
+            replayed.steps,
+            human.header.senda
+        ))
+    };
     if arguments.json {
         let value = serde_json::json!({
             "steps": replayed.steps,
             "recorded_steps": replayed.recorded_steps,
             "interrupted": replayed.interrupted,
             "different_commands": replayed.different_commands,
+            "gaps": replayed.gaps,
+            "warnings": human.warnings,
             "damaged_frames": replayed.damaged_frames,
             "found_rate": summary.found_rate,
             "lost": summary.lost,
@@ -162,7 +175,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             "agreement": agreement,
         });
         println!("{}", serde_json::to_string_pretty(&value)?);
-        return Ok(());
+        return verdict;
     }
     println!(
         "{} steps replayed with driver {}",
@@ -193,13 +206,13 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             "{} commands differ from the recorded driver's",
             replayed.different_commands
         );
-    } else {
-        bail!(
-            "{} of {} commands differ from the recorded ones: the recording was made by another version of senda ({}), or senda is broken",
+    } else if let (0, Some(step)) = (replayed.unexplained, replayed.first_damaged) {
+        println!(
+            "{} commands differ from the recorded ones, all of them from {:.3} s on, where the recording is damaged: a driver that \
+             remembers answers otherwise there",
             replayed.different_commands,
-            replayed.steps,
-            human.header.senda
+            human.steps[step].stamp.as_s()
         );
     }
-    Ok(())
+    verdict
 }

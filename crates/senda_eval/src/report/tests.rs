@@ -91,6 +91,7 @@ fn recording(steps: usize, name: &str, lossless: bool) -> Recording {
         },
         steps: (0..steps).map(step).collect(),
         summary: None,
+        lost: vec![],
         warnings: vec![name.into()],
     }
 }

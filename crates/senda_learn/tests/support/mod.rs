@@ -144,6 +144,7 @@ pub(crate) fn jpeg(number: usize) -> Encoded {
 /// A recording whose steering grows step by step, with these cameras.
 pub(crate) fn recording(steps: usize, world: &str, cameras: &[&str]) -> Recording {
     Recording {
+        lost: Vec::new(),
         header: RecordingHeader {
             senda: "0.1.0".into(),
             commit: String::new(),
