@@ -175,11 +175,12 @@ impl PathSpec {
         let curve = spec.curve().map_err(|error| match (&spec.shape, &error) {
             (PathShape::Points(points), CurveError::TooFewPoints) => table.problem(
                 key,
-                "at least two distinct points",
-                match points.len() {
-                    0 | 1 => format!("{} in all", points.len()),
-                    count => format!("{count} in the same place"),
+                if closed {
+                    "at least three distinct points, for the path is closed"
+                } else {
+                    "at least two distinct points"
                 },
+                found_points(points),
                 "give where the path leads to",
             ),
             _ => table.problem(
@@ -245,6 +246,22 @@ impl PathSpec {
                 document.line("pieces", lines);
             }
         }
+    }
+}
+
+/// How many points there are, and how many of them are places of their own.
+fn found_points(points: &[Vec2]) -> String {
+    let mut places: Vec<Vec2> = Vec::new();
+    for point in points {
+        if !places.contains(point) {
+            places.push(*point);
+        }
+    }
+    match (points.len(), places.len()) {
+        (count @ 0..=1, _) => format!("{count} in all"),
+        (count, 1) => format!("{count} in the same place"),
+        (count, distinct) if distinct < count => format!("{count}, of which {distinct} are distinct"),
+        (count, _) => format!("{count} in all"),
     }
 }
 

@@ -1,12 +1,13 @@
 //! Upright things on the floor: boxes and boards with pictures on them.
 
+use crate::Warning;
 use crate::colour::{Colour, ReadColour};
 use crate::error::WorldError;
 use crate::path::FAR_M;
 use crate::reader::Table;
 use crate::texture::{Texture, read_texture};
 use crate::writer::Document;
-use senda_geom::{Curve, Pose2, Vec2, Vec3};
+use senda_geom::{Curve, Pose2, Vec2, Vec3, trig};
 use std::f64::consts::PI;
 
 /// A box or a board that stands on the floor (or hangs above it).
@@ -63,6 +64,11 @@ pub struct Face {
     /// What is on it.
     pub texture: Texture,
 }
+
+/// Vehicles drive under what begins higher than this (m; a guess: a model car with its camera).
+const DRIVEN_UNDER_M: f64 = 0.3;
+/// Boards count as so thick (m): a path is looked at in steps.
+const BOARD_M: f64 = 0.01;
 
 impl Thing {
     /// Corners of its footprint on the floor (m), counter-clockwise; a board has two.
@@ -123,7 +129,36 @@ impl Thing {
         }
     }
 
-    pub(crate) fn read(mut table: Table, path: &Curve) -> Result<Self, WorldError> {
+    /// The station (m) at which it stands in the middle of a path, where it does: what drives there runs into it.
+    fn stands_in(&self, path: &Curve) -> Option<f64> {
+        if self.bottom_m > DRIVEN_UNDER_M {
+            return None;
+        }
+        let (length_m, width_m) = match self.shape {
+            ThingShape::Board { width_m } => (BOARD_M, width_m),
+            ThingShape::Box { length_m, width_m } => (length_m, width_m),
+        };
+        let reach_m = 0.5 * trig::hypot(length_m, width_m);
+        let place = path.project(self.pose.position());
+        if place.offset_m.abs() > reach_m {
+            return None;
+        }
+        let step_m = (0.4 * length_m.min(width_m)).max(reach_m / 500.0);
+        let thing_from_world = self.pose.inverse();
+        let steps = (2.0 * reach_m / step_m).ceil() as usize;
+        (0..=steps)
+            .map(|step| path.normalise_station(place.station_m - reach_m + step as f64 * step_m))
+            .find(|station_m| {
+                let at = thing_from_world.transform(path.pose_at(*station_m).position());
+                at.x.abs() <= 0.5 * length_m && at.y.abs() <= 0.5 * width_m
+            })
+    }
+
+    pub(crate) fn read(
+        mut table: Table,
+        path: &Curve,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<Self, WorldError> {
         let name = table.optional_string("name")?.unwrap_or_default();
         let kind = table.required_word("kind", &["board", "box"])?;
         let width_m = table.required_f64("width_m", 1e-3, FAR_M)?;
@@ -146,8 +181,7 @@ impl Thing {
             },
         };
         let back = table.colour("back", Colour::new(120, 110, 100))?;
-        table.finish()?;
-        Ok(Self {
+        let thing = Self {
             name,
             shape,
             pose,
@@ -155,7 +189,18 @@ impl Thing {
             height_m,
             texture,
             back,
-        })
+        };
+        if let Some(station_m) = thing.stands_in(path) {
+            warnings.push(table.warning(
+                "kind",
+                format!(
+                    "this {kind} stands in the middle of the path, at {station_m:.2} m: move it aside (offset_m), or lift it \
+                     above what drives there (bottom_m)"
+                ),
+            ));
+        }
+        table.finish()?;
+        Ok(thing)
     }
 
     pub(crate) fn write(&self, document: &mut Document) {

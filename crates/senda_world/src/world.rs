@@ -179,8 +179,13 @@ impl World {
             None => Light::default(),
         };
         let mut things = Vec::new();
+        let mut in_the_way = Vec::new();
         for item in table.tables_at_most("things", 256)? {
-            things.push(Thing::read(item, &path)?);
+            things.push(Thing::read(item, &path, &mut in_the_way)?);
+        }
+        // A warehouse's package stands before the vehicle, and its streets are driven around.
+        if warehouse.is_none() {
+            warnings.append(&mut in_the_way);
         }
         let landscape = Landscape::read(table, &path)?;
         let backdrop = match table.optional_table("backdrop")? {

@@ -142,6 +142,16 @@ fn impossible_geometry_is_an_error() {
         "path.points",
         &["at least two distinct points, but found 1 in all"],
     );
+    // They were said to be in the same place.
+    check(
+        "[path]\nclosed = true\npoints = [[0, 0], [0, 0], [1, 1]]\n",
+        3,
+        "path.points",
+        &[
+            "at least three distinct points",
+            "but found 3, of which 2 are distinct",
+        ],
+    );
     check(
         "[path]\npoints = [[1, 1, 1], [1, 1]]\n",
         2,
@@ -169,6 +179,32 @@ fn impossible_geometry_is_an_error() {
         );
     }
     World::parse("mine.toml", &board("2")).unwrap();
+}
+
+#[test]
+fn things_in_the_middle_of_the_path_are_a_warning() {
+    let warned = |place: &str| -> Vec<String> {
+        let text = format!(
+            "{PATH}[[things]]\nkind = \"box\"\n{place}\nlength_m = 0.1\nwidth_m = 0.2\nheight_m = 0.1\ncolour = \"red\"\n"
+        );
+        let (_, warnings) = World::parse("mine.toml", &text).unwrap();
+        warnings.iter().map(ToString::to_string).collect()
+    };
+    let [warning] = &warned("station_m = 1.5")[..] else {
+        panic!("{:?}", warned("station_m = 1.5"))
+    };
+    for word in [
+        "mine.toml:4",
+        "things[0]",
+        "in the middle of the path, at 1.4",
+        "offset_m",
+    ] {
+        assert!(warning.contains(word), "{word:?} in {warning}");
+    }
+    assert_eq!(warned("station_m = 1.5\noffset_m = 0.09").len(), 1);
+    assert!(warned("station_m = 1.5\noffset_m = 0.11").is_empty());
+    // A bridge.
+    assert!(warned("station_m = 1.5\nbottom_m = 0.5").is_empty());
 }
 
 #[test]
