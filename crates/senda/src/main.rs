@@ -1,11 +1,9 @@
 //! The command line of senda: the only place that prints, parses arguments and reads the clock.
 
-// The edge: here output and wall time belong.
-#![allow(clippy::print_stdout, clippy::print_stderr)]
-
+#[macro_use]
+mod terminal;
 mod cockpit;
 mod commands;
-mod terminal;
 
 use clap::{Parser, Subcommand};
 
@@ -66,10 +64,7 @@ fn main() -> std::process::ExitCode {
     terminal::end_with_the_reader();
     terminal::listen_for_interrupts();
     let result = match arguments.command {
-        None => {
-            greet();
-            Ok(())
-        }
+        None => greet(),
         Some(Command::Tour(arguments)) => commands::tour::run(arguments),
         Some(Command::Drive(arguments)) => commands::drive::run(arguments),
         Some(Command::Deliver(arguments)) => commands::deliver::run(arguments),
@@ -96,7 +91,7 @@ fn main() -> std::process::ExitCode {
         Ok(()) if terminal::ended_early() => terminal::INTERRUPTED_CODE.into(),
         Ok(()) => std::process::ExitCode::SUCCESS,
         Err(error) if error.is::<terminal::Interrupted>() => {
-            terminal::tell(&error.to_string());
+            terminal::tell(error.to_string());
             terminal::INTERRUPTED_CODE.into()
         }
         Err(error) => {
@@ -106,8 +101,8 @@ fn main() -> std::process::ExitCode {
     }
 }
 
-fn greet() {
-    println!(
+fn greet() -> anyhow::Result<()> {
+    say!(
         "senda {} simulates, records, trains, evaluates and drives small camera-guided vehicles.
 
   senda tour                                              see it drive: a report in a few seconds
@@ -116,5 +111,5 @@ fn greet() {
 
 `senda --help` lists all commands.",
         env!("CARGO_PKG_VERSION")
-    );
+    )
 }

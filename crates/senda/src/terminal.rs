@@ -2,7 +2,18 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 use senda_run::Ears;
+use std::fmt::Display;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+
+/// As `println!`, with an error instead of a panic where nobody takes the line: a full disk, a terminal that is gone.
+macro_rules! say {
+    ($($words:tt)*) => { $crate::terminal::print(format_args!($($words)*)) };
+}
+
+/// As `eprintln!`, and silent where nobody takes the line.
+macro_rules! tell {
+    ($($words:tt)*) => { $crate::terminal::tell(format_args!($($words)*)) };
+}
 
 /// What the program ends with after Ctrl-C: 128 and the signal's number, as shells count.
 pub(crate) const INTERRUPTED_CODE: u8 = 130;
@@ -20,7 +31,7 @@ pub(crate) fn listen_for_interrupts() {
         }
     });
     if let Err(error) = listening {
-        eprintln!("warning: Ctrl-C will end senda at once: {error}");
+        tell!("warning: Ctrl-C will end senda at once: {error}");
     }
 }
 
@@ -100,7 +111,7 @@ pub(crate) fn ears(bar: &ProgressBar) -> Ears<'_> {
 }
 
 /// Says a line on standard error. A terminal that is gone is told nothing, and the work goes on without it.
-pub(crate) fn tell(line: &str) {
+pub(crate) fn tell(line: impl Display) {
     use std::io::Write as _;
     let _ = writeln!(std::io::stderr(), "{line}");
 }
@@ -109,15 +120,15 @@ pub(crate) fn tell(line: &str) {
 pub(crate) fn warn(warnings: &[String]) {
     const SHOWN: usize = 10;
     for warning in warnings.iter().take(SHOWN) {
-        tell(&format!("warning: {warning}"));
+        tell(format!("warning: {warning}"));
     }
     if warnings.len() > SHOWN {
-        tell(&format!("warning: and {} more", warnings.len() - SHOWN));
+        tell(format!("warning: and {} more", warnings.len() - SHOWN));
     }
 }
 
 /// Prints a line on standard output; an error where nobody takes it, such as a terminal that is gone.
-pub(crate) fn print(line: &str) -> anyhow::Result<()> {
+pub(crate) fn print(line: impl Display) -> anyhow::Result<()> {
     use anyhow::Context as _;
     use std::io::Write as _;
     writeln!(std::io::stdout(), "{line}").context("cannot print the result")

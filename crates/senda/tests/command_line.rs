@@ -26,6 +26,37 @@ fn without_arguments_it_greets_and_names_three_commands() {
     );
 }
 
+/// They ended with a panic's words and exit code 101.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_on_standard_output_is_an_error() {
+    for arguments in [
+        &[][..],
+        &["world", "list"],
+        &["world", "check", "oval"],
+        &["net", "list"],
+        &["net", "print", "pilotnet"],
+        &["model", "info", "models/lane-small.senda"],
+        &["study", "follow", "--duration", "1"],
+        &["calibrate", "placement"],
+        &["drive", "--time-limit", "0.5"],
+    ] {
+        let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_senda"))
+            .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
+            .args(arguments)
+            .stdout(full)
+            .output()
+            .unwrap();
+        let words = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {words}");
+        assert!(
+            words.contains("error: cannot print the result") && !words.contains("panicked"),
+            "{arguments:?}: {words}"
+        );
+    }
+}
+
 #[test]
 fn the_summary_has_every_promised_field() {
     let summary = json(&[&["drive", "--json"], &SHORT[..]].concat());

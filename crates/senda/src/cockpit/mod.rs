@@ -48,7 +48,7 @@ impl Cockpit {
     ) -> Result<Self> {
         let gamepad = gamepad.map(Gamepad::open).transpose()?;
         if let Some(gamepad) = &gamepad {
-            eprintln!("gamepad: {}", gamepad.name());
+            tell!("gamepad: {}", gamepad.name());
         }
         let keyboard = match Keyboard::open() {
             Ok(keyboard) => Some(keyboard),

@@ -248,10 +248,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 let rows: Vec<_> = rows.iter().map(row).collect();
                 return terminal::print(&serde_json::to_string_pretty(&rows)?);
             }
-            println!(
+            say!(
                 "height {:.1} cm, vertical view {view_deg}°\n  tilt   sees from      to",
                 height * 100.0
-            );
+            )?;
             for row in rows {
                 let far_m = row.view.far_m;
                 let far = if far_m.is_finite() {
@@ -259,11 +259,11 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 } else {
                     "horizon".into()
                 };
-                println!(
+                say!(
                     "{:5.1}° {:9.1} cm {far:>9}",
                     row.tilt_rad.to_degrees(),
                     row.view.near_m * 100.0
-                );
+                )?;
             }
             Ok(())
         }

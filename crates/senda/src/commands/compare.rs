@@ -115,7 +115,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let jobs = cores(arguments.jobs);
     let comparison = Comparison::open(plan, &folder)?;
     let amount = comparison.amount(part);
-    eprintln!(
+    tell!(
         "{}: {} rows x {} seeds, {} of {} results there; the others take about {} of one core, {} of {jobs}",
         comparison.plan().name,
         comparison.plan().rows.len(),
@@ -138,10 +138,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         )));
     }
     if part.count > 1 {
-        println!(
+        say!(
             "part {part} is done; join the folders of all parts with: senda merge FOLDER... --out {}",
             comparison.plan().name
-        );
+        )?;
         return Ok(());
     }
     tell(&comparison, &arguments.outputs, jobs)
@@ -156,13 +156,13 @@ fn tell_costs(done: &Done, wall_s: f64) {
     let costs: &BTreeMap<&str, Cost> = &done.costs;
     for (kind, cost) in costs {
         let each_s = cost.wall_s / cost.count.max(1) as f64;
-        eprintln!(
+        tell!(
             "{:4} {kind}: {each_s:.1} s each, {} in all",
             cost.count,
             duration(cost.wall_s)
         );
     }
-    eprintln!("wall time {}", duration(wall_s));
+    tell!("wall time {}", duration(wall_s));
 }
 
 fn duration(seconds: f64) -> String {
@@ -186,19 +186,18 @@ fn tell(comparison: &Comparison, outputs: &Outputs, jobs: usize) -> Result<()> {
             ));
         };
         write_report(path, comparison, &results, &tables, &parts, &laps)?;
-        eprintln!("report: {}", path.display());
+        tell!("report: {}", path.display());
         plots = parts;
     }
     if let Some(path) = &outputs.markdown {
         write_markdown(path, comparison, &tables, &plots)?;
-        eprintln!("Markdown: {}", path.display());
+        tell!("Markdown: {}", path.display());
     }
     if outputs.json {
-        println!("{}", serde_json::to_string_pretty(&json(comparison, &results))?);
+        say!("{}", serde_json::to_string_pretty(&json(comparison, &results))?)?;
         return Ok(());
     }
-    print_short(comparison, &results);
-    Ok(())
+    print_short(comparison, &results)
 }
 
 /// Laps with a player: the baseline and the best row of each control, as many as a page carries.
@@ -354,12 +353,16 @@ fn json(comparison: &Comparison, results: &Results) -> serde_json::Value {
     serde_json::json!({ "plan": plan.name, "seeds": plan.seeds, "rows": rows, "beside_baseline": beside, "claims": claims })
 }
 
-fn print_short(comparison: &Comparison, results: &Results) {
+fn print_short(comparison: &Comparison, results: &Results) -> Result<()> {
     let plan = comparison.plan();
-    println!(
+    say!(
         "{:40} {:>14} {:>14} {:>14} {:>10}",
-        "", "lane error", "heading", "unsteadiness", "laps"
-    );
+        "",
+        "lane error",
+        "heading",
+        "unsteadiness",
+        "laps"
+    )?;
     for (index, row) in plan.rows.iter().enumerate() {
         let value = |figure: Figure, unit: &str| {
             results.spread(index, 0, figure).map_or("-".to_owned(), |spread| {
@@ -367,17 +370,18 @@ fn print_short(comparison: &Comparison, results: &Results) {
             })
         };
         let (clean, laps) = results.clean_laps(index, 0);
-        println!(
+        say!(
             "{:40} {:>14} {:>14} {:>14} {:>10}",
             row.identity(),
             value(Figure::Lane, " m"),
             value(Figure::Heading, "°"),
             value(Figure::Smoothness, ""),
             format!("{clean} of {laps}")
-        );
+        )?;
     }
     for claim in &plan.claims {
         let judged = results.judge(plan, claim);
-        println!("{:10} {}", judged.verdict.word(), judged.says);
+        say!("{:10} {}", judged.verdict.word(), judged.says)?;
     }
+    Ok(())
 }

@@ -59,9 +59,9 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             let body = find_vehicle(&vehicle)?.body();
             let info = senda_data::info(&data, &body)?;
             if json {
-                println!("{}", serde_json::to_string_pretty(&info)?);
+                say!("{}", serde_json::to_string_pretty(&info)?)?;
             } else {
-                println!("{}", info);
+                say!("{}", info)?;
             }
             Ok(())
         }
@@ -79,18 +79,18 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             let all = senda_data::import(&data, &body, &out)
                 .with_context(|| format!("cannot import {}", data.display()))?;
             if json {
-                println!("{}", serde_json::to_string_pretty(&all)?);
+                say!("{}", serde_json::to_string_pretty(&all)?)?;
                 return Ok(());
             }
             for written in all {
-                println!(
+                say!(
                     "{}: {} steps, {:.1} s",
                     written.path.display(),
                     written.steps,
                     written.duration_s
-                );
+                )?;
                 for warning in written.warnings.iter().take(10) {
-                    eprintln!("warning: {warning}");
+                    tell!("warning: {warning}");
                 }
             }
             Ok(())

@@ -104,14 +104,14 @@ fn list(path: &Path, of_training: bool) -> Result<(DataFile, PathBuf)> {
         .clone()
         .ok_or_else(|| anyhow!("{}: expected the key {key}, but found none", path.display()))?;
     for warning in &data.warnings {
-        eprintln!("warning: {warning}");
+        tell!("warning: {warning}");
     }
     Ok((data, list))
 }
 
 fn warn(warnings: &[String]) {
     for warning in warnings.iter().take(20) {
-        eprintln!("warning: {warning}");
+        tell!("warning: {warning}");
     }
 }
 
@@ -129,11 +129,11 @@ fn judge(model: &Path, file: &Path, threshold: f32, of_training: bool, json: boo
             "scores": scores,
             "ms_per_picture": ms,
         });
-        println!("{}", serde_json::to_string_pretty(&value)?);
+        say!("{}", serde_json::to_string_pretty(&value)?)?;
         return Ok(());
     }
-    println!("{pictures} pictures, {ms:.2} ms each");
-    print_scores(&names, &scores, threshold);
+    say!("{pictures} pictures, {ms:.2} ms each")?;
+    print_scores(&names, &scores, threshold)?;
     Ok(())
 }
 
@@ -166,21 +166,22 @@ fn judge_model(
     Ok((classes, scores, pictures.len(), ms))
 }
 
-fn print_scores(names: &[String], scores: &Scores, threshold: f32) {
-    println!(
+fn print_scores(names: &[String], scores: &Scores, threshold: f32) -> Result<()> {
+    say!(
         "mAP at overlap 0.5: {:.1} %; precision and recall at confidence {threshold}",
         100.0 * scores.mean_average_precision
-    );
+    )?;
     let part = |part: Option<f64>| part.map_or("-".to_owned(), |part| format!("{:.1} %", 100.0 * part));
     for (name, class) in names.iter().zip(&scores.classes) {
-        println!(
+        say!(
             "  {name:14} AP {:>7}  precision {:>7}  recall {:>7}  of {}",
             part(class.average_precision),
             part(class.precision),
             part(class.recall),
             class.truths
-        );
+        )?;
     }
+    Ok(())
 }
 
 fn find(model: &Path, picture: &Path, threshold: f32, out: Option<&Path>, json: bool) -> Result<()> {
@@ -213,15 +214,15 @@ fn find(model: &Path, picture: &Path, threshold: f32, out: Option<&Path>, json: 
             .iter()
             .map(|one| serde_json::json!({ "class": classes[one.class], "confidence": one.confidence, "rect": one.rect }))
             .collect();
-        println!(
+        say!(
             "{}",
             serde_json::to_string_pretty(&serde_json::json!({ "found": found }))?
-        );
+        )?;
         return Ok(());
     }
     for one in &found {
         let rect = one.rect;
-        println!(
+        say!(
             "{:14} {:>3.0} %  middle {:.3} {:.3}, size {:.3} {:.3} (parts of the picture)",
             classes[one.class],
             100.0 * one.confidence,
@@ -229,10 +230,10 @@ fn find(model: &Path, picture: &Path, threshold: f32, out: Option<&Path>, json: 
             rect.y,
             rect.width,
             rect.height
-        );
+        )?;
     }
     if found.is_empty() {
-        println!("nothing found");
+        say!("nothing found")?;
     }
     Ok(())
 }

@@ -233,7 +233,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     if arguments.json {
         terminal::print(&serde_json::to_string_pretty(&summary)?)?;
     } else {
-        terminal::print(&summary.text().to_string())?;
+        terminal::print(summary.text().to_string())?;
     }
     Ok(())
 }
@@ -264,7 +264,7 @@ pub(crate) fn drive_and_keep(
         let file = File::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
         let (outcome, _) = drive::run_by(scenario, seat, Some(BufWriter::new(file)), &mut ears)
             .with_context(|| format!("while recording to {}", path.display()))?;
-        terminal::tell(&format!("recording: {}", path.display()));
+        terminal::tell(format!("recording: {}", path.display()));
         let recording = report
             .is_some()
             .then(|| senda_data::Recording::read(&path))
@@ -283,7 +283,7 @@ pub(crate) fn drive_and_keep(
     outcome.summary.wall_s = terminal::seconds_since(began_ns);
     if outcome.ending == Ending::Interrupted {
         let driven_s = outcome.summary.duration_s;
-        terminal::tell(&format!(
+        terminal::tell(format!(
             "interrupted: all figures are of the {driven_s:.1} s until then"
         ));
     }
@@ -303,7 +303,7 @@ pub(crate) fn drive_and_keep(
             frame_times_ns,
         };
         write_file(path, page(&title, &command_line(), &[run])?.as_bytes())?;
-        terminal::tell(&format!("report: {}", path.display()));
+        terminal::tell(format!("report: {}", path.display()));
     }
     Ok(outcome.summary)
 }

@@ -114,7 +114,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     };
     drive_all(&plan, &output(arguments.results, arguments.report))?;
     if arguments.beside_lane && !terminal::interrupted() {
-        println!("\nthe hand-coded lane follower over the same worlds, starts and speeds:");
+        say!("\nthe hand-coded lane follower over the same worlds, starts and speeds:")?;
         let mut plan = plan;
         plan.base.driver = "lane".to_owned();
         plan.base.driver_options.clear();
@@ -213,7 +213,7 @@ fn compare(model: &senda_nets::Model, arguments: &Arguments) -> Result<()> {
     }
     for one in &outputs {
         let errors = &one.errors;
-        terminal::print(&format!(
+        terminal::print(format!(
             "{}: RMSE {:.4}, mean error {:.4} (always the median: {:.4}), correlation {:.3}, {} frames",
             one.output,
             one.root_mean_square,

@@ -92,7 +92,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let bar = terminal::bar("learn");
     let place = |part: f64| bar.set_position((1000.0 * part) as u64);
     let tell = |stage: Stage| match stage {
-        Stage::Weights(note) => bar.suspend(|| eprintln!("{note}")),
+        Stage::Weights(note) => bar.suspend(|| tell!("{note}")),
         Stage::Gathering(round, done, of) => {
             bar.set_message(format!("round {round}: driving {done}/{of}"));
             place(done as f64 / of.max(1) as f64);
@@ -113,7 +113,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 format!(", {done} of {of} trial runs completed{error}")
             });
             bar.suspend(|| {
-                eprintln!(
+                tell!(
                     "round {}: {} frames, {} of {} drives left the road, loss {:.5}{trial}  [{:.0} s]",
                     round.number,
                     round.frames,
@@ -128,7 +128,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let learned = learn::learn(&learning, &arguments.folder, &terminal::interrupted, &tell)?;
     bar.finish_and_clear();
     if learned.interrupted {
-        eprintln!(
+        tell!(
             "interrupted: the same command goes on from {}",
             arguments.folder.display()
         );
@@ -157,14 +157,14 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             "history": learned.history,
             "wall_s": wall_s,
         });
-        println!("{}", serde_json::to_string_pretty(&value)?);
+        say!("{}", serde_json::to_string_pretty(&value)?)?;
         return Ok(());
     }
-    println!("model: {} after {wall_s:.0} s", arguments.out.display());
-    println!(
+    say!("model: {} after {wall_s:.0} s", arguments.out.display())?;
+    say!(
         "try it: senda drive --world unseen-1 --vehicle {} --driver neural --model {}",
         learning.gathering.vehicle,
         arguments.out.display()
-    );
+    )?;
     Ok(())
 }

@@ -61,7 +61,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             .map(|(name, value)| format!("{name} {:.3}", value.as_f64().unwrap_or(f64::NAN)))
             .collect();
         let path = one["picture"].as_str().unwrap_or_default();
-        terminal::print(&format!("{path}  {}", answers.join(", ")))?;
+        terminal::print(format!("{path}  {}", answers.join(", ")))?;
     }
     Ok(())
 }
@@ -116,7 +116,7 @@ fn of_runs(gaze: &mut Gaze, model: &Model, arguments: &Arguments, out: &Path) ->
     let bar = terminal::bar("looking");
     for (number, recording) in runs.iter().enumerate() {
         for warning in recording.warnings.iter().take(5) {
-            bar.suspend(|| eprintln!("warning: {warning}"));
+            bar.suspend(|| tell!("warning: {warning}"));
         }
         let count = recording
             .steps

@@ -54,7 +54,7 @@ pub(crate) fn check_out(path: &Path) -> Result<()> {
 pub(crate) fn save_model(model: &Model, path: &Path) -> Result<()> {
     make_folder_of(path)?;
     if let Some(earlier) = model.save_keeping_earlier(path)? {
-        eprintln!(
+        tell!(
             "{}: the model that was there is now {}",
             path.display(),
             earlier.display()

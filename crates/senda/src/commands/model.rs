@@ -63,11 +63,11 @@ fn export(path: &Path, out: &Path, json: bool) -> Result<()> {
             "outputs": model.outputs,
             "quantised": model.is_quantised(),
         });
-        println!("{}", serde_json::to_string_pretty(&value)?);
+        say!("{}", serde_json::to_string_pretty(&value)?)?;
         return Ok(());
     }
     let names: Vec<&str> = model.outputs.iter().map(|output| output.name.as_str()).collect();
-    println!(
+    say!(
         "{}: input [batch, {}, {}, {}], output [batch, {}] ({}); how frames are prepared stands in its metadata",
         out.display(),
         shape[0],
@@ -75,7 +75,7 @@ fn export(path: &Path, out: &Path, json: bool) -> Result<()> {
         shape[2],
         names.len(),
         names.join(", ")
-    );
+    )?;
     Ok(())
 }
 
@@ -93,12 +93,12 @@ fn info(path: &Path, json: bool) -> Result<()> {
             "recurrent": model.network.is_recurrent(),
             "forgets": model.forgets,
         });
-        println!("{}", serde_json::to_string_pretty(&value)?);
+        say!("{}", serde_json::to_string_pretty(&value)?)?;
         return Ok(());
     }
     let input = &model.input;
-    println!("{}", path.display());
-    println!(
+    say!("{}", path.display())?;
+    say!(
         "  input       {}x{} {}{}, values {} to {}",
         input.width,
         input.height,
@@ -109,64 +109,67 @@ fn info(path: &Path, json: bool) -> Result<()> {
         },
         input.offset,
         input.offset + 255.0 * input.scale
-    );
+    )?;
     let crop = input.crop;
-    println!(
+    say!(
         "  cut off     {:.0} % above, {:.0} % below, {:.0} % left, {:.0} % right",
         100.0 * crop.top,
         100.0 * crop.bottom,
         100.0 * crop.left,
         100.0 * crop.right
-    );
+    )?;
     if let Some(edges) = input.edges {
-        println!(
+        say!(
             "  edges       added, Canny's thresholds {} and {}",
-            edges.low, edges.high
-        );
+            edges.low,
+            edges.high
+        )?;
     }
     if let Some(camera) = &input.camera {
         let mounting = &camera.mounting;
-        println!(
+        say!(
             "  camera      {}x{}, {:.3} m high, {:.3} m ahead, tilted {:.1}° down",
             camera.width_px,
             camera.height_px,
             mounting.z_m,
             mounting.x_m,
             mounting.tilt_rad.to_degrees()
-        );
+        )?;
     }
     for output in &model.outputs {
-        println!("  output      {}: {}", output.name, output.unit);
+        say!("  output      {}: {}", output.name, output.unit)?;
     }
     if model.is_quantised() {
-        println!("  precision   8 bits");
+        say!("  precision   8 bits")?;
     }
     if model.network.is_recurrent() {
         let memory = match model.forgets {
             true => "none: emptied before every picture",
             false => "from picture to picture",
         };
-        println!("  memory      {memory}");
+        say!("  memory      {memory}")?;
     }
     let made = &model.provenance;
-    println!(
+    say!(
         "  made by     senda {} ({}), seed {}",
-        made.senda, made.commit, made.seed
-    );
+        made.senda,
+        made.commit,
+        made.seed
+    )?;
     for line in &made.data {
-        println!("  data        {line}");
+        say!("  data        {line}")?;
     }
     for line in &made.worlds {
-        println!("  worlds      {line}");
+        say!("  worlds      {line}")?;
     }
     for (label, text) in [("command", &made.command), ("notes", &made.notes)] {
         if !text.is_empty() {
-            println!("  {label:11} {text}");
+            say!("  {label:11} {text}")?;
         }
     }
     for (key, value) in &made.metrics {
-        println!("  {key:11} {value}");
+        say!("  {key:11} {value}")?;
     }
-    println!();
+    say!("")?;
     super::net::show(&model.network, false)
 }

@@ -52,16 +52,16 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             }
             for name in Network::names() {
                 let network = Network::named(name)?;
-                println!(
+                say!(
                     "{name:26} {:>9} parameters  {:>8.2} M multiply-adds  {}",
                     network.parameter_count(),
                     network.multiply_adds() as f64 * 1e-6,
                     network.description()
-                );
+                )?;
             }
         }
         Command::Show { network, json } => show(&find_network(&network)?, json)?,
-        Command::Print { network } => print!("{}", find_network(&network)?.to_toml()),
+        Command::Print { network } => say!("{}", find_network(&network)?.to_toml().trim_end())?,
     }
     Ok(())
 }
@@ -100,30 +100,34 @@ pub(crate) fn show(network: &Network, json: bool) -> Result<()> {
             "trainable": network.trainable_count(),
             "multiply_adds": network.multiply_adds(),
         });
-        println!("{}", serde_json::to_string_pretty(&value)?);
+        say!("{}", serde_json::to_string_pretty(&value)?)?;
         return Ok(());
     }
-    println!("{}  {}", network.name(), network.description());
-    println!(
+    say!("{}  {}", network.name(), network.description())?;
+    say!(
         "{:24} {:20} {:>14} {:>12} {:>14}",
-        "layer", "kind", "output", "parameters", "multiply-adds"
-    );
-    println!("{:24} {:20} {:>14}", "input", "", shape(network.input()));
+        "layer",
+        "kind",
+        "output",
+        "parameters",
+        "multiply-adds"
+    )?;
+    say!("{:24} {:20} {:>14}", "input", "", shape(network.input()))?;
     for layer in network.layers() {
-        println!(
+        say!(
             "{:24} {:20} {:>14} {:>12} {:>14}",
             layer.name,
             layer.kind.name(),
             shape(layer.output),
             layer.parameter_count(),
             layer.multiply_adds
-        );
+        )?;
     }
-    println!(
+    say!(
         "{} parameters, {} of them trainable; {:.2} M multiply-adds",
         network.parameter_count(),
         network.trainable_count(),
         network.multiply_adds() as f64 * 1e-6
-    );
+    )?;
     Ok(())
 }

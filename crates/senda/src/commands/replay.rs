@@ -80,10 +80,10 @@ fn open(path: &Path, vehicle: &str) -> Result<Recording> {
 
 fn warn(recording: &Recording) {
     for warning in recording.warnings.iter().take(10) {
-        eprintln!("warning: {warning}");
+        tell!("warning: {warning}");
     }
     if recording.warnings.len() > 10 {
-        eprintln!("warning: {} more like these", recording.warnings.len() - 10);
+        tell!("warning: {} more like these", recording.warnings.len() - 10);
     }
 }
 
@@ -97,7 +97,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let mut driver_options = toml::Table::new();
     if foreign && driver.as_deref() == Some("lane") {
         driver_options = parse_option_list(&FOREIGN_LANE.map(str::to_owned))?;
-        eprintln!(
+        tell!(
             "options for a vehicle that does not obey: {}",
             FOREIGN_LANE.join(" ")
         );
@@ -144,7 +144,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             page("Replay", &command_line(), &[run])?
         };
         write_file(path, page.as_bytes())?;
-        eprintln!("report: {}", path.display());
+        tell!("report: {}", path.display());
     }
     // Whoever made it: the same observations through the same driver give the same commands.
     let verdict = if foreign || changed || replayed.unexplained == 0 {
@@ -174,45 +174,46 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             "driver": replayed.recording.header.driver,
             "agreement": agreement,
         });
-        println!("{}", serde_json::to_string_pretty(&value)?);
+        say!("{}", serde_json::to_string_pretty(&value)?)?;
         return verdict;
     }
-    println!(
+    say!(
         "{} steps replayed with driver {}",
-        replayed.steps, replayed.recording.header.driver
-    );
+        replayed.steps,
+        replayed.recording.header.driver
+    )?;
     if let Some(interruption) = replayed.interruption() {
-        println!("{interruption}");
+        say!("{interruption}")?;
     }
     if replayed.damaged_frames > 0 {
-        println!("{} damaged frames left out", replayed.damaged_frames);
+        say!("{} damaged frames left out", replayed.damaged_frames)?;
     }
     if let Some(found) = summary.found_rate {
-        println!("line or lane found in {:.1} % of the frames", found * 100.0);
+        say!("line or lane found in {:.1} % of the frames", found * 100.0)?;
     }
     if let (Some(mean_s), Some(longest_s)) = (summary.frame_time_mean_s, longest_s) {
-        println!(
+        say!(
             "time a frame: mean {} ms, largest {} ms",
             text::short(1e3 * mean_s),
             text::short(1e3 * longest_s)
-        );
+        )?;
     }
     if foreign {
-        println!("{}", agreement.to_text());
+        say!("{}", agreement.to_text())?;
     } else if replayed.different_commands == 0 {
-        println!("every command equals the recorded one");
+        say!("every command equals the recorded one")?;
     } else if changed {
-        println!(
+        say!(
             "{} commands differ from the recorded driver's",
             replayed.different_commands
-        );
+        )?;
     } else if let (0, Some(step)) = (replayed.unexplained, replayed.first_damaged) {
-        println!(
+        say!(
             "{} commands differ from the recorded ones, all of them from {:.3} s on, where the recording is damaged: a driver that \
              remembers answers otherwise there",
             replayed.different_commands,
             human.steps[step].stamp.as_s()
-        );
+        )?;
     }
     verdict
 }

@@ -41,7 +41,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         &arguments.out,
         page(&arguments.title, &command_line(), &runs)?.as_bytes(),
     )?;
-    println!("{}", arguments.out.display());
+    say!("{}", arguments.out.display())?;
     Ok(())
 }
 

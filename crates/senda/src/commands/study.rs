@@ -130,18 +130,18 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let traces = study::study(&options)?;
     if let Some(path) = &flags.report {
         write_file(path, page(&traces).as_bytes())?;
-        eprintln!("report: {}", path.display());
+        tell!("report: {}", path.display());
     }
     if flags.json {
-        println!("{}", serde_json::to_string_pretty(&traces)?);
+        say!("{}", serde_json::to_string_pretty(&traces)?)?;
         return Ok(());
     }
-    println!("start d, angle      Kp    Ki    Kd     L      settles  overshoot  largest d  verdict");
+    say!("start d, angle      Kp    Ki    Kd     L      settles  overshoot  largest d  verdict")?;
     for trace in &traces {
         let settles = trace
             .settle_time_s
             .map_or("never".to_owned(), |time| format!("{time:.1} s"));
-        println!(
+        say!(
             "{:6.1} cm {:6.1}°  {:5.2} {:5.2} {:5.2} {:5.0} cm {:>10} {:7.1} cm {:7.1} cm  {}",
             trace.start.d_m * 100.0,
             trace.start.theta_rad.to_degrees(),
@@ -153,9 +153,9 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             trace.overshoot_m * 100.0,
             trace.largest_d_m * 100.0,
             verdict(trace),
-        );
+        )?;
     }
-    println!("\n{}", study_limits(study::SETTLED_D_M, study::SETTLED_THETA_RAD));
+    say!("\n{}", study_limits(study::SETTLED_D_M, study::SETTLED_THETA_RAD))?;
     if flags.form != Form::Document {
         return Ok(());
     }
@@ -166,9 +166,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         };
         if let Some(gain) = study::critical_gain(&one) {
             let length_cm = look_ahead_m * 100.0;
-            println!(
-                "At L = {length_cm:.0} cm and with these times, small errors grow above Kp = {gain:.2}."
-            );
+            say!("At L = {length_cm:.0} cm and with these times, small errors grow above Kp = {gain:.2}.")?;
         }
     }
     Ok(())

@@ -198,13 +198,13 @@ pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
             Some(path) => format!("run the same command again to go on from {}", path.display()),
             None => "give --results FILE to be able to go on".to_owned(),
         };
-        eprintln!("interrupted after {} of {total} runs: {again}", lines.len());
+        tell!("interrupted after {} of {total} runs: {again}", lines.len());
     }
     let runs: Vec<SweepRun> = lines.iter().map(sweep_run).collect();
     let table = sweep_table(&runs);
     if let Some(path) = &output.report {
         write_file(path, sweep_html(&head, &runs).as_bytes())?;
-        eprintln!("report: {}", path.display());
+        tell!("report: {}", path.display());
     }
     if output.json {
         let value = serde_json::json!({
@@ -216,18 +216,22 @@ pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
             "wall_s": wall_s,
             "rows": table.rows,
         });
-        println!("{}", serde_json::to_string_pretty(&value)?);
+        say!("{}", serde_json::to_string_pretty(&value)?)?;
         return whole(&runs, table.errors, interrupted);
     }
-    println!(
+    say!(
         "{:30} {:>6}  {:>24}  {:>24}  {:>12}",
-        "", "runs", "completed", "without a loss", "lane error"
-    );
+        "",
+        "runs",
+        "completed",
+        "without a loss",
+        "lane error"
+    )?;
     for row in &table.rows {
         let error = row
             .lane_error_m
             .map_or("-".to_owned(), |error| format!("{:.2} cm", error.value * 100.0));
-        println!(
+        say!(
             "{:30} {:>6}  {:>24}  {:>24}  {:>12}",
             if row.by == "all" {
                 row.value.clone()
@@ -238,22 +242,22 @@ pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
             percent(&row.completed),
             percent(&row.without_loss),
             error
-        );
+        )?;
         if let Some(delivery) = &row.delivery {
-            println!("  {}", delivery.words());
+            say!("  {}", delivery.words())?;
         }
     }
     if table.errors > 0 {
-        println!(
+        say!(
             "{} of {} runs could not be run and count in no rate",
             table.errors,
             lines.len()
-        );
+        )?;
     }
     for run in runs.iter().filter(|run| run.summary.is_none()).take(5) {
-        eprintln!("could not be run: {}: {}", run.command, run.error);
+        tell!("could not be run: {}: {}", run.command, run.error);
     }
-    println!("\n{} of {total} runs in {wall_s:.1} s", lines.len());
+    say!("\n{} of {total} runs in {wall_s:.1} s", lines.len())?;
     whole(&runs, table.errors, interrupted)
 }
 

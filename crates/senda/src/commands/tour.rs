@@ -80,16 +80,16 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     )?;
     if arguments.json {
         let summaries: Vec<&Summary> = runs.iter().map(|run| &run.summary).collect();
-        println!("{}", serde_json::to_string_pretty(&summaries)?);
+        say!("{}", serde_json::to_string_pretty(&summaries)?)?;
         return Ok(());
     }
     let cut_short = runs.iter().filter(|run| run.summary.ended == INTERRUPTED).count();
     if cut_short > 0 {
-        println!("interrupted: {cut_short} of {} runs are cut short\n", runs.len());
+        say!("interrupted: {cut_short} of {} runs are cut short\n", runs.len())?;
     }
-    println!("driver  world              floor            light      laps  lost  lane error mean   max");
+    say!("driver  world              floor            light      laps  lost  lane error mean   max")?;
     for PageRun { summary, .. } in &runs {
-        println!(
+        say!(
             "{:7} {:18} {:16} {:10} {:4} {:5} {:>13} {:>8}",
             summary.driver,
             summary.world,
@@ -99,14 +99,14 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             summary.lost,
             centimetres(summary.lane_error_mean_m),
             centimetres(summary.lane_error_max_m),
-        );
+        )?;
     }
-    println!(
+    say!(
         "\n{} runs in {:.1} s. Open {}",
         runs.len(),
         terminal::seconds_since(began_ns),
         arguments.report.display()
-    );
+    )?;
     Ok(())
 }
 

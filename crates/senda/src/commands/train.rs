@@ -245,7 +245,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         let seed = experiment.training.seed;
         let (weights, note) = begin(&network, &experiment.training, seed, arguments.from.as_deref())?;
         if let Some(note) = note {
-            eprintln!("{note}");
+            tell!("{note}");
         }
         let view = View {
             colour: experiment.colour,
@@ -290,7 +290,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             arguments.allow_leak,
         )?;
         if let Some(note) = split::far_off(&training, &validation, experiment.split, share) {
-            bar.suspend(|| terminal::tell(&format!("warning: {note}")));
+            bar.suspend(|| terminal::tell(format!("warning: {note}")));
             warnings.push(note);
         }
         (training, validation)
@@ -302,7 +302,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 "{learned_too} of the {} files or data sets that judge are learned from too: validation measures memory, not driving",
                 judging.sources.len()
             );
-            bar.suspend(|| terminal::tell(&format!("warning: {leak}")));
+            bar.suspend(|| terminal::tell(format!("warning: {leak}")));
             warnings.push(leak);
         }
         warnings.extend(judging.warnings);
@@ -349,7 +349,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                         errors.correlation
                     )
                 });
-                eprintln!(
+                tell!(
                     "epoch {}: loss {:.5}{judged}  [{:.0} s]",
                     epoch.number,
                     epoch.training_loss,
@@ -443,19 +443,19 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             "warnings": warnings,
             "wall_s": wall_s,
         });
-        println!("{}", serde_json::to_string_pretty(&value)?);
+        say!("{}", serde_json::to_string_pretty(&value)?)?;
         return Ok(());
     }
-    println!(
+    say!(
         "model: {} (epoch {}; {} frames to learn from, {} to judge) after {wall_s:.0} s",
         arguments.out.display(),
         trained.best_epoch,
         training.len(),
         validation.len()
-    );
+    )?;
     for (name, judged) in [("training", on_training), ("validation", on_validation)] {
         if let Some(judged) = judged {
-            println!("{name} frames, untreated: {judged}");
+            say!("{name} frames, untreated: {judged}")?;
         }
     }
     Ok(())

@@ -55,7 +55,7 @@ pub(crate) fn write(path: &Path, title: &str, told: &Told) -> Result<()> {
     .map(|(name, value)| (name.to_owned(), value))
     .collect();
     write_file(path, training_html(&page, &report).as_bytes())?;
-    eprintln!("report: {}", path.display());
+    tell!("report: {}", path.display());
     Ok(())
 }
 

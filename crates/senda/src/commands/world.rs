@@ -219,7 +219,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             let text = String::from_utf8_lossy(&bytes);
             let (world, warnings) = World::from_waypoints(&file.display().to_string(), &text, scale, seed)?;
             for warning in warnings {
-                eprintln!("warning: {warning}");
+                tell!("warning: {warning}");
             }
             write_world(&if reverse { world.reversed() } else { world }, &out, json)
         }
@@ -328,22 +328,22 @@ fn list(json: bool) -> Result<()> {
         });
         return terminal::print(&serde_json::to_string_pretty(&all)?);
     }
-    println!("worlds");
+    say!("worlds")?;
     for (name, description) in worlds {
-        println!("  {name:22} {description}");
+        say!("  {name:22} {description}")?;
     }
     for (name, description) in random::FAMILIES {
-        println!("  {:22} {description}", format!("{name}:SEED"));
+        say!("  {:22} {description}", format!("{name}:SEED"))?;
     }
-    println!("\nvehicles");
+    say!("\nvehicles")?;
     for (name, description) in vehicles {
-        println!("  {name:22} {description}");
+        say!("  {name:22} {description}")?;
     }
-    println!("\nfloors   {}", FLOOR_PRESETS.join(", "));
-    println!("lights   {}", LIGHT_PRESETS.join(", "));
-    println!("\ndrivers");
+    say!("\nfloors   {}", FLOOR_PRESETS.join(", "))?;
+    say!("lights   {}", LIGHT_PRESETS.join(", "))?;
+    say!("\ndrivers")?;
     for (name, description) in senda_run::pilot::DRIVERS {
-        println!("  {name:22} {description}");
+        say!("  {name:22} {description}")?;
     }
     Ok(())
 }
@@ -372,15 +372,15 @@ fn check(files: &[PathBuf], vehicle: Option<&str>, json: bool) -> Result<()> {
                     }));
                     continue;
                 }
-                println!(
+                say!(
                     "{}: {length_m:.2} m, {}, {} warning{}",
                     file.display(),
                     if is_closed { "closed" } else { "open" },
                     warnings.len(),
                     if warnings.len() == 1 { "" } else { "s" }
-                );
+                )?;
                 for warning in warnings {
-                    eprintln!("warning: {warning}");
+                    tell!("warning: {warning}");
                 }
             }
             Err(error) => {

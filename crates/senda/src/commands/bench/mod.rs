@@ -38,11 +38,15 @@ struct Row {
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let mut rows = Vec::new();
     if !arguments.json {
-        println!("one thread, median of rounds; ratio: measured over promised (on a 2-core AVX2 machine)\n");
-        println!(
+        say!("one thread, median of rounds; ratio: measured over promised (on a 2-core AVX2 machine)\n")?;
+        say!(
             "{:44} {:>12} {:>12} {:>10} {:>7}",
-            "", "a second", "best", "promised", "ratio"
-        );
+            "",
+            "a second",
+            "best",
+            "promised",
+            "ratio"
+        )?;
     }
     for mut case in cases()? {
         if terminal::interrupted() {
@@ -61,10 +65,12 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 .target_per_s
                 .map_or("-".to_owned(), |target| format!("{target:.0}"));
             let ratio = row.ratio.map_or("-".to_owned(), |ratio| format!("{ratio:.2}"));
-            println!(
+            say!(
                 "{:44} {:>12.0} {:>12.0} {promised:>10} {ratio:>7}",
-                row.name, row.per_s, row.best_per_s
-            );
+                row.name,
+                row.per_s,
+                row.best_per_s
+            )?;
         }
         rows.push(row);
     }
@@ -82,7 +88,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         }
     }
     if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&all)?);
+        say!("{}", serde_json::to_string_pretty(&all)?)?;
     }
     Ok(())
 }
@@ -102,10 +108,14 @@ fn start_rows(arguments: &Arguments, rows: &mut Vec<Row>) -> Result<()> {
             continue;
         }
         if !headed {
-            println!(
+            say!(
                 "\nwhole process of `senda drive` with the default vehicle, floor painted anew, one step driven\n\n{:44} {:>12} {:>12} {:>10} {:>7}",
-                "", "ms", "best", "promised", "ratio"
-            );
+                "",
+                "ms",
+                "best",
+                "promised",
+                "ratio"
+            )?;
             headed = true;
         }
         let rounds = ((arguments.seconds / 0.1) as usize).clamp(3, 50);
@@ -123,14 +133,14 @@ fn start_rows(arguments: &Arguments, rows: &mut Vec<Row>) -> Result<()> {
             ratio: Some(START_S / median),
         };
         if !arguments.json {
-            println!(
+            say!(
                 "{:44} {:>12.1} {:>12.1} {:>10.0} {:>7.2}",
                 row.name,
                 median * 1e3,
                 best * 1e3,
                 START_S * 1e3,
                 START_S / median
-            );
+            )?;
         }
         rows.push(row);
     }

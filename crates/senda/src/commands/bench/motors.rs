@@ -63,10 +63,17 @@ pub(crate) fn measure(seconds: f64, json: bool) -> Result<Vec<MotorRow>> {
     let options = MotorOptions::default();
     let frames = warehouse_frames()?;
     if !json {
-        println!(
+        say!(
             "\nthe motors' thread at {:.0} Hz, {seconds:.1} s each: how late its turns are\n\n{:44} {:>8} {:>8} {:>11} {:>9} {:>9} {:>8}",
-            options.rate_hz, "", "turns", "missed", "median ms", "99 % ms", "most ms", "frames"
-        );
+            options.rate_hz,
+            "",
+            "turns",
+            "missed",
+            "median ms",
+            "99 % ms",
+            "most ms",
+            "frames"
+        )?;
     }
     let mut rows = Vec::new();
     for lookers in 0..=2usize {
@@ -104,7 +111,7 @@ pub(crate) fn measure(seconds: f64, json: bool) -> Result<Vec<MotorRow>> {
         })?;
         let row = MotorRow::new(lookers, seen, thread.stop());
         if !json {
-            println!(
+            say!(
                 "{:44} {:>8} {:>8} {:>11.3} {:>9.3} {:>9.3} {:>8}",
                 row.name,
                 row.turns,
@@ -113,7 +120,7 @@ pub(crate) fn measure(seconds: f64, json: bool) -> Result<Vec<MotorRow>> {
                 row.late_99_ms,
                 row.late_most_ms,
                 row.frames
-            );
+            )?;
         }
         rows.push(row);
     }

@@ -113,10 +113,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 })
             })
             .collect();
-        println!("{}", serde_json::to_string_pretty(&all)?);
+        say!("{}", serde_json::to_string_pretty(&all)?)?;
     } else {
         for (part, edits, steps, _) in &edited {
-            show(part, edits, steps);
+            show(part, edits, steps)?;
         }
     }
     Ok(())
@@ -190,17 +190,16 @@ fn within(end: usize, steps: usize, flag: &str) -> Result<()> {
     Ok(())
 }
 
-fn show(part: &Path, edits: &Edits, steps: &[usize]) {
+fn show(part: &Path, edits: &Edits, steps: &[usize]) -> Result<()> {
     if edits.is_empty() {
-        println!("{}: no edits", part.display());
-        return;
+        return say!("{}: no edits", part.display());
     }
-    println!(
+    say!(
         "{}: {} edits in {}",
         part.display(),
         edits.len(),
         Edits::path_of(part).display()
-    );
+    )?;
     let run = |number: usize| {
         if steps.len() > 1 {
             format!("run {number}, ")
@@ -209,21 +208,22 @@ fn show(part: &Path, edits: &Edits, steps: &[usize]) {
         }
     };
     for (number, dropped) in edits.dropped.iter().enumerate() {
-        println!(
+        say!(
             "  {:>3}  {}steps {}..{} are left out",
             number + 1,
             run(dropped.run),
             dropped.from,
             dropped.to
-        );
+        )?;
     }
     for (number, angle) in edits.angles.iter().enumerate() {
-        println!(
+        say!(
             "  {:>3}  {}step {}: steering {:.2}°",
             edits.dropped.len() + number + 1,
             run(angle.run),
             angle.step,
             angle.steering_deg
-        );
+        )?;
     }
+    Ok(())
 }

@@ -41,7 +41,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let warnings: Vec<String> = all.iter().flat_map(|run| run.warnings.clone()).collect();
     terminal::warn(&warnings);
     if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&all)?);
+        say!("{}", serde_json::to_string_pretty(&all)?)?;
         return Ok(());
     }
     for run in all {
@@ -49,7 +49,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             0 => String::new(),
             count => format!(", {count} steps without a usable picture left out"),
         };
-        println!("{}: {} frames{skipped}", run.path.display(), run.frames);
+        say!("{}: {} frames{skipped}", run.path.display(), run.frames)?;
     }
     Ok(())
 }

@@ -113,7 +113,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             toml::to_string(&experiment)?
         );
         write_file(path, text.as_bytes())?;
-        eprintln!("experiment: {}", path.display());
+        tell!("experiment: {}", path.display());
     }
     let leaks = experiment.split == Split::RandomFrames;
     if arguments.json {
@@ -126,22 +126,22 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             "training_frames": training.len(),
             "validation_frames": validation.len(),
         });
-        println!("{}", serde_json::to_string_pretty(&value)?);
+        say!("{}", serde_json::to_string_pretty(&value)?)?;
         return Ok(());
     }
     if leaks {
-        println!("this split LEAKS: neighbours of the judging frames are learned from");
+        say!("this split LEAKS: neighbours of the judging frames are learned from")?;
     }
     let all = (training.len() + validation.len()).max(1) as f64;
     for (what, side) in [("learned from", &training), ("judges", &validation)] {
-        println!(
+        say!(
             "{what}: {} frames ({:.0} %)",
             side.len(),
             100.0 * side.len() as f64 / all
-        );
+        )?;
         for Side { run, world, frames } in sides(side, leaks) {
             let world = if world.is_empty() { "unknown world" } else { world };
-            println!("  {frames:>7}  {world:20}  {run}");
+            say!("  {frames:>7}  {world:20}  {run}")?;
         }
     }
     Ok(())

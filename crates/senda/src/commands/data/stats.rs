@@ -79,14 +79,14 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 "near_agreeing": found.near_agreeing,
             });
         }
-        println!("{}", serde_json::to_string_pretty(&value)?);
+        say!("{}", serde_json::to_string_pretty(&value)?)?;
         return Ok(());
     }
     if let Some(stats) = stats {
-        print!("{stats}");
+        say!("{}", stats.to_string().trim_end())?;
     }
     if let Some(found) = alignment {
-        println!("{}", words(&found));
+        say!("{}", words(&found))?;
     }
     Ok(())
 }

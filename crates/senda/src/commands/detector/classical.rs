@@ -73,7 +73,7 @@ pub(super) fn evaluate(
             Ok(())
         });
         if let Err(error) = decoded {
-            bar.suspend(|| eprintln!("warning: {}: {error:#}; left out", path.display()));
+            bar.suspend(|| tell!("warning: {}: {error:#}; left out", path.display()));
             continue;
         }
         let began_ns = terminal::clock_ns();

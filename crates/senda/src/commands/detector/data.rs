@@ -104,17 +104,17 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
             "valid": arguments.valid,
             "boxes": CLASSES.iter().zip(boxes).collect::<std::collections::BTreeMap<_, _>>(),
         });
-        println!("{}", serde_json::to_string_pretty(&value)?);
+        say!("{}", serde_json::to_string_pretty(&value)?)?;
         return Ok(());
     }
-    println!(
+    say!(
         "{}: {} pictures to learn from, {} to judge",
         file.display(),
         arguments.train,
         arguments.valid
-    );
+    )?;
     for (class, count) in CLASSES.iter().zip(boxes) {
-        println!("  {class:14} {count} boxes");
+        say!("  {class:14} {count} boxes")?;
     }
     Ok(())
 }

@@ -102,7 +102,7 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
         &mut |news| match news {
             News::Step { loss, .. } => bar.set_message(format!("training, loss {loss:.3}")),
             News::Epoch(epoch) => bar.suspend(|| {
-                eprintln!(
+                tell!(
                     "epoch {}: loss {:.4}  [{:.0} s]",
                     epoch.number,
                     epoch.training_loss,
@@ -154,21 +154,21 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
             "interrupted": trained.interrupted,
             "wall_s": wall_s,
         });
-        println!("{}", serde_json::to_string_pretty(&value)?);
+        say!("{}", serde_json::to_string_pretty(&value)?)?;
         return Ok(());
     }
-    println!(
+    say!(
         "model: {} ({} pictures to learn from) after {wall_s:.0} s",
         arguments.out.display(),
         pictures.len()
-    );
+    )?;
     if let Some((scores, count)) = &judged {
-        println!("on {count} pictures that it did not learn from:");
+        say!("on {count} pictures that it did not learn from:")?;
         let names = model
             .detection
             .as_ref()
             .map_or(&[][..], |detection| &detection.classes);
-        print_scores(names, scores, 0.5);
+        print_scores(names, scores, 0.5)?;
     }
     Ok(())
 }
@@ -199,7 +199,7 @@ fn begin(arguments: &Arguments, classes: &[String], seed: u64) -> Result<Model> 
     }
     let mut darknet = Darknet::find(&arguments.network)?.with_classes(classes)?;
     for warning in &darknet.warnings {
-        eprintln!("warning: {warning}");
+        tell!("warning: {warning}");
     }
     if let Some([width, height]) = arguments.input {
         darknet = darknet.with_input(width as usize, height as usize)?;
@@ -210,7 +210,7 @@ fn begin(arguments: &Arguments, classes: &[String], seed: u64) -> Result<Model> 
         let bytes = std::fs::read(path).with_context(|| format!("cannot read {name}"))?;
         let most = arguments.convolutions.unwrap_or(usize::MAX);
         let read = DarknetWeights::from_bytes(&name, &bytes, &darknet.network, Some((&weights, most)))?;
-        eprintln!("{name}: {} convolutions taken", read.convolutions);
+        tell!("{name}: {} convolutions taken", read.convolutions);
         weights = read.weights;
     }
     Ok(darknet.into_model(weights))

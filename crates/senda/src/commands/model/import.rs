@@ -206,15 +206,15 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
             "input": model.input,
             "outputs": model.outputs,
         });
-        println!("{}", serde_json::to_string_pretty(&value)?);
+        say!("{}", serde_json::to_string_pretty(&value)?)?;
         return Ok(());
     }
-    println!(
+    say!(
         "{}: {} layers, {} parameters; drive with `senda drive --driver neural --model {}`",
         arguments.out.display(),
         model.network.layers().len(),
         model.network.parameter_count(),
         arguments.out.display()
-    );
+    )?;
     Ok(())
 }

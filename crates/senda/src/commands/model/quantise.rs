@@ -75,21 +75,24 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
             "compared_frames": quantised.compared,
             "differences": quantised.differences,
         });
-        println!("{}", serde_json::to_string_pretty(&value)?);
+        say!("{}", serde_json::to_string_pretty(&value)?)?;
         return Ok(());
     }
-    println!(
+    say!(
         "{}: {} bytes, {} before; calibrated on {} frames",
         arguments.out.display(),
         sizes[1],
         sizes[0],
         quantised.calibrated
-    );
+    )?;
     for difference in &quantised.differences {
-        println!(
+        say!(
             "  {}: {:.5} apart in the mean over {} other frames, {:.5} at most",
-            difference.output, difference.mean, quantised.compared, difference.largest
-        );
+            difference.output,
+            difference.mean,
+            quantised.compared,
+            difference.largest
+        )?;
     }
     Ok(())
 }
