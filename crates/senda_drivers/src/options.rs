@@ -35,6 +35,19 @@ pub enum DriverError {
         /// The driver.
         driver: &'static str,
     },
+    /// A study of more steps than are kept.
+    #[error(
+        "the study has {runs} runs with {steps} steps together, but at most {most} are kept: shorten its duration, lengthen its \
+         period or study fewer values at once"
+    )]
+    TooManySteps {
+        /// Combinations of starts, look-aheads and gains.
+        runs: usize,
+        /// Steps of all of them.
+        steps: usize,
+        /// Steps that are possible.
+        most: usize,
+    },
     /// An option out of its range.
     #[error("option `{key}`: expected a number from {lowest} to {highest}, but found {found}")]
     Range {

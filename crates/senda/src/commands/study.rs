@@ -1,7 +1,8 @@
 //! `senda study follow`: the controller on the kinematics alone (C13 in SPEC).
 
 use super::{report::command_line, write_file};
-use anyhow::Result;
+use crate::terminal;
+use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
 use senda_drivers::follow::Form;
 use senda_drivers::study::{self, Start, StudyOptions, Trace, Verdict};
@@ -25,14 +26,14 @@ struct Follow {
     /// Starting states as DISTANCE_CM:ANGLE_DEG, in the document's signs (positive: the line is to the left)
     #[arg(long, value_delimiter = ',', default_value = "-21.5:44.6,4:12", allow_hyphen_values = true, value_parser = parse_start)]
     starts: Vec<Start>,
-    /// Proportional gains (1/s)
-    #[arg(long, value_delimiter = ',', default_value = "1.1,3")]
+    /// Proportional gains (1/s) of the document's form [default: 1.1,3]
+    #[arg(long, value_delimiter = ',')]
     kp: Vec<f64>,
-    /// Integral gains (1/s²)
-    #[arg(long, value_delimiter = ',', default_value = "0")]
+    /// Integral gains (1/s²) of the document's form [default: 0]
+    #[arg(long, value_delimiter = ',')]
     ki: Vec<f64>,
-    /// Derivative gains
-    #[arg(long, value_delimiter = ',', default_value = "0")]
+    /// Derivative gains of the document's form [default: 0]
+    #[arg(long, value_delimiter = ',')]
     kd: Vec<f64>,
     /// Look-ahead distances (m)
     #[arg(
@@ -108,12 +109,24 @@ fn parse_form(text: &str) -> Result<Form, String> {
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let Study::Follow(flags) = arguments.study;
+    let is_document = flags.form == Form::Document;
+    let gains_given = [("--kp", &flags.kp), ("--ki", &flags.ki), ("--kd", &flags.kd)];
+    if let Some((flag, _)) = gains_given
+        .iter()
+        .find(|(_, given)| !is_document && !given.is_empty())
+    {
+        bail!("{flag}: only the document's form has this gain: leave it out, or study --form document");
+    }
+    let or = |given: &[f64], otherwise: &[f64]| match given {
+        [] => otherwise.to_vec(),
+        given => given.to_vec(),
+    };
     let options = StudyOptions {
         form: flags.form,
         starts: flags.starts.clone(),
-        kp_per_s: flags.kp.clone(),
-        ki_per_s2: flags.ki.clone(),
-        kd: flags.kd.clone(),
+        kp_per_s: or(&flags.kp, if is_document { &[1.1, 3.0] } else { &[1.1] }),
+        ki_per_s2: or(&flags.ki, &[0.0]),
+        kd: or(&flags.kd, &[0.0]),
         look_ahead_m: flags.look_ahead.clone(),
         speed_mps: flags.speed,
         period_s: flags.period,
@@ -127,9 +140,12 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         seed: flags.seed,
         ..StudyOptions::default()
     };
-    let traces = study::study(&options)?;
+    let traces = study::study(&options, &terminal::interrupted)?;
+    if terminal::ended_early() {
+        bail!(terminal::Interrupted(": nothing is studied".to_owned()));
+    }
     if let Some(path) = &flags.report {
-        write_file(path, page(&traces).as_bytes())?;
+        write_file(path, page(&traces, flags.form).as_bytes())?;
         tell!("report: {}", path.display());
     }
     if flags.json {
@@ -138,16 +154,19 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     }
     say!("start d, angle      Kp    Ki    Kd     L      settles  overshoot  largest d  verdict")?;
     for trace in &traces {
+        let gains = if is_document {
+            let gains = trace.gains;
+            format!("{:5.2} {:5.2} {:5.2}", gains.kp_per_s, gains.ki_per_s2, gains.kd)
+        } else {
+            format!("{:>5} {:>5} {:>5}", "-", "-", "-")
+        };
         let settles = trace
             .settle_time_s
             .map_or("never".to_owned(), |time| format!("{time:.1} s"));
         say!(
-            "{:6.1} cm {:6.1}°  {:5.2} {:5.2} {:5.2} {:5.0} cm {:>10} {:7.1} cm {:7.1} cm  {}",
+            "{:6.1} cm {:6.1}°  {gains} {:5.0} cm {:>10} {:7.1} cm {:7.1} cm  {}",
             trace.start.d_m * 100.0,
             trace.start.theta_rad.to_degrees(),
-            trace.gains.kp_per_s,
-            trace.gains.ki_per_s2,
-            trace.gains.kd,
             trace.look_ahead_m * 100.0,
             settles,
             trace.overshoot_m * 100.0,
@@ -156,23 +175,59 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         )?;
     }
     say!("\n{}", study_limits(study::SETTLED_D_M, study::SETTLED_THETA_RAD))?;
-    if flags.form != Form::Document {
-        return Ok(());
+    if is_document {
+        say_limits(&options)?;
     }
-    for look_ahead_m in &flags.look_ahead {
-        let one = StudyOptions {
-            look_ahead_m: vec![*look_ahead_m],
-            ..options.clone()
-        };
-        if let Some(gain) = study::critical_gain(&one) {
-            let length_cm = look_ahead_m * 100.0;
-            say!("At L = {length_cm:.0} cm and with these times, small errors grow above Kp = {gain:.2}.")?;
+    Ok(())
+}
+
+/// Between which Kp small errors die out, for all that Kp is combined with.
+fn say_limits(options: &StudyOptions) -> Result<()> {
+    for look_ahead_m in &options.look_ahead_m {
+        for ki_per_s2 in &options.ki_per_s2 {
+            for kd in &options.kd {
+                let one = StudyOptions {
+                    look_ahead_m: vec![*look_ahead_m],
+                    ki_per_s2: vec![*ki_per_s2],
+                    kd: vec![*kd],
+                    ..options.clone()
+                };
+                let limits = study::critical_gains(&one, &terminal::interrupted);
+                if terminal::ended_early() {
+                    bail!(terminal::Interrupted(
+                        ": not all limits of Kp are told".to_owned()
+                    ));
+                }
+                let (lowest, highest) = study::GAINS_TRIED;
+                let errors = match limits {
+                    Some((0.0, high)) if high >= highest => format!("die out up to Kp = {highest}"),
+                    Some((low, high)) if high >= highest => format!("die out above Kp = {low:.2}"),
+                    Some((0.0, high)) => format!("grow above Kp = {high:.2}"),
+                    Some((low, high)) => format!("die out between Kp = {low:.2} and {high:.2} only"),
+                    None => format!("die out for no Kp from {lowest} to {highest}"),
+                };
+                let mut gains = String::new();
+                for (name, gain) in [("Ki", ki_per_s2), ("Kd", kd)] {
+                    if *gain != 0.0 {
+                        gains += &format!(", {name} = {gain}");
+                    }
+                }
+                let length_cm = look_ahead_m * 100.0;
+                say!("At L = {length_cm:.0} cm{gains} and with these times, small errors {errors}.")?;
+            }
         }
     }
     Ok(())
 }
 
-fn page(traces: &[Trace]) -> String {
+/// Points of a course that a plot has room for.
+const PLOTTED_POINTS: usize = 2000;
+
+fn page(traces: &[Trace], form: Form) -> String {
+    let plotted = |values: &[f64]| -> Vec<f64> {
+        let every = values.len().div_ceil(PLOTTED_POINTS).max(1);
+        values.iter().copied().step_by(every).collect()
+    };
     let shown: Vec<StudyTrace> = traces
         .iter()
         .map(|trace| StudyTrace {
@@ -181,29 +236,29 @@ fn page(traces: &[Trace]) -> String {
                 trace.start.d_m * 100.0,
                 trace.start.theta_rad.to_degrees()
             ),
-            label: label(trace),
+            label: label(trace, form),
             verdict: verdict(trace),
             good: trace.verdict == Verdict::Converges,
             settled_d_m: trace.settled_d_m,
             settled_theta_rad: trace.settled_theta_rad,
             settle_time_s: trace.settle_time_s,
             overshoot_m: trace.overshoot_m,
-            time_s: trace.time_s.clone(),
-            d_m: trace.d_m.clone(),
-            theta_rad: trace.theta_rad.clone(),
-            omega_radps: trace.omega_radps.clone(),
+            time_s: plotted(&trace.time_s),
+            d_m: plotted(&trace.d_m),
+            theta_rad: plotted(&trace.theta_rad),
+            omega_radps: plotted(&trace.omega_radps),
         })
         .collect();
     study_html(&Page::new("Study of the path follower", &command_line()), &shown)
 }
 
 /// `Kp 1.1, L 40 cm`, and the other gains where they are used.
-fn label(trace: &Trace) -> String {
-    let mut label = format!(
-        "Kp {}, L {:.0} cm",
-        trace.gains.kp_per_s,
-        trace.look_ahead_m * 100.0
-    );
+fn label(trace: &Trace, form: Form) -> String {
+    let length = format!("L {:.0} cm", trace.look_ahead_m * 100.0);
+    if form != Form::Document {
+        return length;
+    }
+    let mut label = format!("Kp {}, {length}", trace.gains.kp_per_s);
     for (name, gain) in [("Ki", trace.gains.ki_per_s2), ("Kd", trace.gains.kd)] {
         if gain != 0.0 {
             label += &format!(", {name} {gain}");

@@ -5,7 +5,7 @@
 
 mod verdict;
 
-pub use verdict::{SETTLED_D_M, SETTLED_THETA_RAD, Verdict, critical_gain};
+pub use verdict::{GAINS_TRIED, SETTLED_D_M, SETTLED_THETA_RAD, Verdict, critical_gains};
 
 use crate::follow::{FollowOptions, Follower, Form, LineState};
 use crate::options::{DriverError, check};
@@ -158,6 +158,16 @@ impl StudyOptions {
             check("study.starts.d_m", start.d_m, -100.0, 100.0)?;
             check("study.starts.theta_rad", start.theta_rad, -3.2, 3.2)?;
         }
+        let lists = [&self.look_ahead_m, &self.kp_per_s, &self.ki_per_s2, &self.kd];
+        let runs: usize = lists.iter().map(|list| list.len()).product::<usize>() * self.starts.len();
+        let steps = runs * self.steps();
+        if steps > MOST_STEPS {
+            return Err(DriverError::TooManySteps {
+                runs,
+                steps,
+                most: MOST_STEPS,
+            });
+        }
         check(
             "study.yaw_rate_limit_radps",
             self.yaw_rate_limit_radps,
@@ -165,10 +175,21 @@ impl StudyOptions {
             1e3,
         )
     }
+
+    /// Measurements in each run.
+    fn steps(&self) -> usize {
+        (self.duration_s / self.period_s).floor() as usize + 1
+    }
 }
 
-/// Runs every combination: starts outermost, then L, Kp, Ki, Kd.
-pub fn study(options: &StudyOptions) -> Result<Vec<Trace>, DriverError> {
+/// All runs of a study have so many steps together at most: they are kept, 32 bytes each.
+const MOST_STEPS: usize = 2_000_000;
+/// Steps between two looks at whether to stop.
+const STEPS_UNHEARD: usize = 4096;
+
+/// Runs every combination: starts outermost, then L, Kp, Ki, Kd. Once `stop` says so what is left is cut short, and the
+/// traces mean nothing.
+pub fn study(options: &StudyOptions, stop: &dyn Fn() -> bool) -> Result<Vec<Trace>, DriverError> {
     options.validate()?;
     let mut traces = Vec::new();
     for start in &options.starts {
@@ -181,7 +202,7 @@ pub fn study(options: &StudyOptions) -> Result<Vec<Trace>, DriverError> {
                             ki_per_s2: *ki_per_s2,
                             kd: *kd,
                         };
-                        traces.push(run(options, *start, gains, *look_ahead_m));
+                        traces.push(run(options, *start, gains, *look_ahead_m, stop));
                     }
                 }
             }
@@ -190,7 +211,13 @@ pub fn study(options: &StudyOptions) -> Result<Vec<Trace>, DriverError> {
     Ok(traces)
 }
 
-fn run(options: &StudyOptions, start: Start, gains: PidGains, look_ahead_m: f64) -> Trace {
+fn run(
+    options: &StudyOptions,
+    start: Start,
+    gains: PidGains,
+    look_ahead_m: f64,
+    stop: &dyn Fn() -> bool,
+) -> Trace {
     let follow = FollowOptions {
         pid: gains,
         look_ahead_m,
@@ -203,7 +230,7 @@ fn run(options: &StudyOptions, start: Start, gains: PidGains, look_ahead_m: f64)
     };
     let mut follower = Follower::unlimited(options.form, follow);
     let mut noise = ChaCha8Rng::seed_from_u64(options.seed);
-    let steps = (options.duration_s / options.period_s).floor() as usize + 1;
+    let steps = options.steps();
     let mut trace = Trace {
         start,
         gains,
@@ -230,6 +257,9 @@ fn run(options: &StudyOptions, start: Start, gains: PidGains, look_ahead_m: f64)
     let late_steps = (options.delay_s / options.period_s).floor() as usize;
     let rest_s = options.delay_s - late_steps as f64 * options.period_s;
     for step in 0..steps {
+        if step.is_multiple_of(STEPS_UNHEARD) && stop() {
+            break;
+        }
         let (d_noise, theta_noise) = normal_pair(&mut noise);
         let measured = LineState {
             d_m: state.d_m + options.d_bias_m + options.d_noise_m * d_noise,

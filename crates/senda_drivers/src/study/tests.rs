@@ -2,6 +2,8 @@
 
 use super::*;
 
+const NEVER: fn() -> bool = || false;
+
 fn start(d_m: f64, degrees: f64) -> Start {
     Start {
         d_m,
@@ -10,7 +12,7 @@ fn start(d_m: f64, degrees: f64) -> Start {
 }
 
 fn one(options: StudyOptions) -> Trace {
-    study(&options).unwrap().remove(0)
+    study(&options, &NEVER).unwrap().remove(0)
 }
 
 #[test]
@@ -21,7 +23,7 @@ fn kp_above_2_5_is_unstable_and_the_recommended_range_is_not() {
         duration_s: 60.0,
         ..StudyOptions::default()
     };
-    let verdicts: Vec<Verdict> = study(&options)
+    let verdicts: Vec<Verdict> = study(&options, &NEVER)
         .unwrap()
         .iter()
         .map(|trace| trace.verdict)
@@ -33,19 +35,20 @@ fn kp_above_2_5_is_unstable_and_the_recommended_range_is_not() {
             "{verdict:?}"
         );
     }
-    let limit = critical_gain(&options).unwrap();
+    let (least, limit) = critical_gains(&options, &NEVER).unwrap();
+    assert_eq!(least, 0.0);
     assert!((limit - 2.5).abs() < 0.2, "{limit}");
 }
 
 #[test]
 fn the_limit_of_kp_is_a_matter_of_delay() {
     let at = |period_s, delay_s| {
-        critical_gain(&StudyOptions {
+        let options = StudyOptions {
             period_s,
             delay_s,
             ..StudyOptions::default()
-        })
-        .unwrap()
+        };
+        critical_gains(&options, &NEVER).unwrap().1
     };
     // Sampling every T with one T of delay: the loop z² - z + Kp·T = 0 leaves the unit circle at Kp·T = 1.
     assert!((at(0.2, 0.2) - 4.9).abs() < 0.1 && (at(0.05, 0.05) - 19.9).abs() < 0.2);
@@ -54,12 +57,12 @@ fn the_limit_of_kp_is_a_matter_of_delay() {
 
 #[test]
 fn short_look_ahead_swings_and_long_look_ahead_is_slow() {
-    let traces = study(&StudyOptions {
+    let options = StudyOptions {
         kp_per_s: vec![1.2],
         look_ahead_m: vec![0.02, 0.05, 0.12, 0.40, 1.00],
         ..StudyOptions::default()
-    })
-    .unwrap();
+    };
+    let traces = study(&options, &NEVER).unwrap();
     assert_eq!(traces[0].verdict, Verdict::Unstable);
     assert_ne!(traces[1].verdict, Verdict::Converges);
     assert_eq!(traces[2].verdict, Verdict::Converges);
@@ -148,7 +151,7 @@ fn noise_is_reproducible_and_bias_shifts_the_end() {
         duration_s: 60.0,
         ..StudyOptions::default()
     };
-    assert_eq!(study(&noisy).unwrap(), study(&noisy).unwrap());
+    assert_eq!(study(&noisy, &NEVER).unwrap(), study(&noisy, &NEVER).unwrap());
     assert_ne!(
         one(noisy.clone()).d_m,
         one(StudyOptions {
@@ -230,7 +233,7 @@ fn impossible_options_are_refused_by_name() {
         ..StudyOptions::default()
     };
     assert!(
-        study(&options)
+        study(&options, &NEVER)
             .unwrap_err()
             .to_string()
             .contains("study.period_s")
@@ -248,5 +251,67 @@ fn a_sweep_covers_every_combination() {
         duration_s: 1.0,
         ..StudyOptions::default()
     };
-    assert_eq!(study(&options).unwrap().len(), 12);
+    assert_eq!(study(&options, &NEVER).unwrap().len(), 12);
+}
+
+/// The limits were those of Kp alone: errors were said to die out at gains at which they grew.
+#[test]
+fn the_limits_of_kp_are_those_with_the_other_gains() {
+    let proportional = critical_gains(&StudyOptions::default(), &NEVER).unwrap().1;
+    for (ki, kd) in [(0.3, 0.0), (2.0, 0.0), (0.0, 0.3), (0.0, 0.5)] {
+        let options = StudyOptions {
+            ki_per_s2: vec![ki],
+            kd: vec![kd],
+            ..StudyOptions::default()
+        };
+        let limits = critical_gains(&options, &NEVER);
+        // A small error far below the limits of angle and yaw rate does as the limits say.
+        let grows = |kp_per_s: f64| {
+            let trace = one(StudyOptions {
+                kp_per_s: vec![kp_per_s],
+                starts: vec![start(1e-6, 1e-4)],
+                duration_s: 100.0,
+                ..options.clone()
+            });
+            let (early, late) = trace.swings();
+            // What has grown to the limits swings on between them.
+            late > early || trace.largest_d_m > 1e-3
+        };
+        match limits {
+            None => assert!([0.5, 1.0, 1.5, 2.0].into_iter().all(grows), "{ki} {kd}"),
+            Some((low, high)) => {
+                assert!((high - proportional).abs() > 0.02, "{ki} {kd}: {high}");
+                assert!(
+                    grows(1.1 * high) && !grows(0.5 * (low + high)),
+                    "{ki} {kd}: {low} {high}"
+                );
+                assert!(low == 0.0 || grows(0.8 * low), "{ki} {kd}: {low}");
+            }
+        }
+    }
+}
+
+#[test]
+fn absurd_sizes_are_refused_and_a_wish_to_stop_is_heard() {
+    let options = StudyOptions {
+        duration_s: 3600.0,
+        period_s: 0.001,
+        ..StudyOptions::default()
+    };
+    let error = study(&options, &NEVER).unwrap_err().to_string();
+    assert!(
+        error.contains("1 runs with 3600001 steps together") && error.contains("lengthen its period"),
+        "{error}"
+    );
+    let asked = std::cell::Cell::new(0);
+    let stop = || {
+        asked.set(asked.get() + 1);
+        asked.get() > 2
+    };
+    let options = StudyOptions {
+        duration_s: 1000.0,
+        ..options
+    };
+    let trace = study(&options, &stop).unwrap().remove(0);
+    assert_eq!(trace.time_s.len(), 2 * STEPS_UNHEARD);
 }

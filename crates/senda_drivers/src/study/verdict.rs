@@ -3,6 +3,7 @@
 use super::{Start, StudyOptions, Trace, run};
 use crate::follow::{FollowOptions, Follower, Form, LineState};
 use crate::pid::PidGains;
+use senda_geom::trig;
 use serde::{Deserialize, Serialize};
 
 /// How a trace ends.
@@ -27,10 +28,16 @@ pub const SETTLED_D_M: f64 = 0.01;
 /// Within this angle of the line the vehicle is on it (rad): C16's 2°.
 pub const SETTLED_THETA_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 
-/// The largest Kp (1/s) below which small errors die out in the document form, for the options' speed, period, delay and
-/// first look-ahead, without limits on angle and yaw rate; by bisection between 0.05 and 50. `None` when even the
-/// smallest does not.
-pub fn critical_gain(options: &StudyOptions) -> Option<f64> {
+/// Smallest and largest Kp (1/s) that are tried for [`critical_gains`].
+pub const GAINS_TRIED: (f64, f64) = (0.05, 50.0);
+
+/// Values of Kp that are tried before the borders are looked for, each by the same factor above the last.
+const TRIES: i32 = 24;
+
+/// The Kp (1/s) between which small errors die out in the document form, for the options' speed, period, delay, first Ki, Kd
+/// and look-ahead, without limits on angle and yaw rate: the lowest such range within [`GAINS_TRIED`], its borders by
+/// bisection; one that goes on below begins at 0. `None` when errors die out with none of them. `stop` ends it early.
+pub fn critical_gains(options: &StudyOptions, stop: &dyn Fn() -> bool) -> Option<(f64, f64)> {
     let quiet = StudyOptions {
         form: Form::Document,
         d_noise_m: 0.0,
@@ -42,7 +49,8 @@ pub fn critical_gain(options: &StudyOptions) -> Option<f64> {
         duration_s: (300.0 * options.period_s.max(0.5 * options.delay_s)).max(200.0),
         ..options.clone()
     };
-    let look_ahead_m = options.look_ahead_m.first().copied().unwrap_or(0.4);
+    let first = |list: &[f64], otherwise: f64| list.first().copied().unwrap_or(otherwise);
+    let look_ahead_m = first(&options.look_ahead_m, 0.4);
     // So small that nothing but the linear behaviour shows, however much it grows on the way.
     let start = Start {
         d_m: 1e-9 * look_ahead_m,
@@ -51,26 +59,42 @@ pub fn critical_gain(options: &StudyOptions) -> Option<f64> {
     let dies_out = |kp_per_s: f64| {
         let gains = PidGains {
             kp_per_s,
-            ki_per_s2: 0.0,
-            kd: 0.0,
+            ki_per_s2: first(&options.ki_per_s2, 0.0),
+            kd: first(&options.kd, 0.0),
         };
-        let trace = run(&quiet, start, gains, look_ahead_m);
+        let trace = run(&quiet, start, gains, look_ahead_m, stop);
         let (early, late) = trace.swings();
         trace.largest_theta_rad < 1e-6 && late < early
     };
-    let (mut low, mut high) = (0.05, 50.0);
-    if !dies_out(low) {
-        return None;
-    }
-    while high - low > 1e-3 {
-        let middle = 0.5 * (low + high);
-        if dies_out(middle) {
-            low = middle;
-        } else {
-            high = middle;
+    let border = |mut inside: f64, mut outside: f64| {
+        while (outside - inside).abs() > 1e-3 && !stop() {
+            let middle = 0.5 * (inside + outside);
+            if dies_out(middle) {
+                inside = middle;
+            } else {
+                outside = middle;
+            }
         }
-    }
-    Some(low)
+        inside
+    };
+    let (lowest, highest) = GAINS_TRIED;
+    let factor = trig::exp(trig::log(highest / lowest) / f64::from(TRIES));
+    let mut tried = std::iter::successors(Some(lowest), |kp| Some(kp * factor)).take(TRIES as usize + 1);
+    let inside = tried.find(|kp| stop() || dies_out(*kp))?;
+    let low = if inside == lowest {
+        0.0
+    } else {
+        border(inside, inside / factor)
+    };
+    let mut last = inside;
+    let high = loop {
+        match tried.next() {
+            Some(kp) if !stop() && dies_out(kp) => last = kp,
+            Some(kp) => break border(last, kp),
+            None => break highest,
+        }
+    };
+    Some((low, high))
 }
 
 /// True d at which the vehicle runs along the line and the controller asks for nothing but the line's own turn (m), by
