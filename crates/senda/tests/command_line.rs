@@ -550,8 +550,17 @@ fn every_ready_vehicle_near_the_floor_can_be_calibrated() {
         senda(&["calibrate", "sheet", "--vehicle", vehicle, "--out", text(&sheet)]).success();
         let camera = ["calibrate", "camera", "--simulate", "--vehicle", vehicle];
         senda(&[&camera[..], &["--accept", "--out", text(&file)]].concat()).success();
-        let drive = ["drive", "--vehicle", vehicle, "--time-limit", "1"];
-        senda(&[&drive[..], &["--calibration", text(&file)]].concat()).success();
+        // Another vehicle's was taken without a word, and its driver found no line.
+        for (driven, warned) in [(vehicle, false), ("gopigo", true)] {
+            let drive = ["drive", "--vehicle", driven, "--time-limit", "1"];
+            let words = predicate::str::contains("the calibration is of another vehicle");
+            let output = senda(&[&drive[..], &["--calibration", text(&file)]].concat()).success();
+            assert_eq!(
+                words.eval(&String::from_utf8_lossy(&output.get_output().stderr)),
+                warned,
+                "{vehicle}'s on {driven}"
+            );
+        }
     }
     senda(&[
         "calibrate",

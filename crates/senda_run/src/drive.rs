@@ -1,6 +1,6 @@
 //! One run in the simulator: the loop, the referee, the recording and the summary.
 
-use crate::{Ears, Guard, Pilot, RunError, Scenario, log::Log, referee::Referee, scenario::believed_body};
+use crate::{Ears, Guard, Pilot, RunError, Scenario, calibration::believed_body, log::Log, referee::Referee};
 use senda_core::{Body, Command, Explanation, Observation, Truth, Vehicle};
 use senda_data::{Recording, RecordingHeader, RecordingWriter};
 use senda_eval::Summary;

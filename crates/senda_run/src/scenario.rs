@@ -2,11 +2,8 @@
 
 use crate::own_file::{self, Kind};
 pub use crate::start::StartOffset;
-use crate::{RunError, pilot, random, start::is_zero};
-use senda_core::Body;
-use senda_geom::Camera;
+use crate::{RunError, calibration, pilot, random, start::is_zero};
 use senda_toml::nearest_names;
-use senda_vision::calibration::Calibration;
 use senda_world::{VehicleSpec, World, WorldError};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -69,11 +66,6 @@ const SCENARIO_FILE: Kind = Kind {
     name: "scenario file",
     help: "the least that one says is world = \"oval\", vehicle = \"gopigo\" and driver = \"line\", a line each",
 };
-const CALIBRATION_FILE: Kind = Kind {
-    name: "calibration file",
-    help: "`senda calibrate camera` writes one from a photograph of its sheet",
-};
-
 fn one() -> u32 {
     1
 }
@@ -111,17 +103,19 @@ impl Scenario {
         own_file::load(path, &SCENARIO_FILE)
     }
 
-    /// What to say to whoever asks for a higher speed than the vehicle's highest.
-    pub fn speed_note(&self) -> Result<Option<String>, RunError> {
+    /// What to say to whoever asks for a higher speed than the vehicle's highest, or for a camera that it plainly has not.
+    pub fn notes(&self) -> Result<Vec<String>, RunError> {
         let vehicle = find_vehicle(&self.vehicle)?;
         let most_mps = vehicle.speed_limit_mps;
         let wanted_mps = self.speed_mps.filter(|wanted_mps| *wanted_mps > most_mps);
-        Ok(wanted_mps.map(|wanted_mps| {
+        let speed = wanted_mps.map(|wanted_mps| {
             format!(
                 "a speed of {wanted_mps} m/s was asked for, but {} goes {most_mps:.2} m/s at most: it drives as for that",
                 vehicle.name
             )
-        }))
+        });
+        let camera = calibration::note(&vehicle.body(), self.calibration.as_deref())?;
+        Ok(speed.into_iter().chain(camera).collect())
     }
 
     /// Refuses options that the driver does not know. Where they stand in the scenario's file, its line is named.
@@ -241,29 +235,6 @@ fn part_of(seed: u64) -> f64 {
     bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     ((bits ^ (bits >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-}
-
-/// The vehicle as its driver knows it: with the camera of a calibration file, if there is one.
-pub fn believed_body(body: &Body, calibration: Option<&str>) -> Result<Body, RunError> {
-    let mut body = body.clone();
-    if let (Some(path), Some(camera)) = (calibration, body.cameras.first_mut()) {
-        let path = Path::new(path);
-        let text = own_file::read(path, &CALIBRATION_FILE)?;
-        let wrong = |reason: String| RunError::File {
-            path: path.to_owned(),
-            reason,
-        };
-        let calibration = Calibration::parse(&path.display().to_string(), &text)
-            .map_err(|error| wrong(error.to_string()))?;
-        let found = calibration.camera.ok_or_else(|| {
-            wrong("it was made without the lens, so it holds no camera: calibrate again with the vehicle's lens".into())
-        })?;
-        *camera = Camera {
-            name: camera.name.clone(),
-            ..found.resized(camera.width_px, camera.height_px)
-        };
-    }
-    Ok(body)
 }
 
 /// A world by file (`….toml`), seed (`random-line:17`) or name.
@@ -404,7 +375,9 @@ mod tests {
         let vehicle = find_vehicle(nowhere).unwrap_err().to_string();
         assert!(vehicle.contains("expected a vehicle file"), "{vehicle}");
         let body = VehicleSpec::named("gopigo").unwrap().body();
-        let calibration = believed_body(&body, Some(nowhere)).unwrap_err().to_string();
+        let calibration = calibration::believed_body(&body, Some(nowhere))
+            .unwrap_err()
+            .to_string();
         assert!(
             calibration.contains("expected a calibration file"),
             "{calibration}"
@@ -418,11 +391,11 @@ mod tests {
     #[test]
     fn a_speed_that_the_vehicle_has_not_is_noted() {
         let mut scenario = Scenario::new("oval", "gopigo", "line");
-        assert_eq!(scenario.speed_note().unwrap(), None);
+        assert!(scenario.notes().unwrap().is_empty());
         scenario.speed_mps = Some(0.4);
-        assert_eq!(scenario.speed_note().unwrap(), None);
+        assert!(scenario.notes().unwrap().is_empty());
         scenario.speed_mps = Some(5.0);
-        let note = scenario.speed_note().unwrap().unwrap();
+        let note = scenario.notes().unwrap().remove(0);
         assert!(
             note.contains("5 m/s") && note.contains("gopigo goes 0.40 m/s at most"),
             "{note}"

@@ -64,7 +64,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     };
     let scenario = arguments.flags.over(base)?;
     scenario.check_driver_options(arguments.flags.scenario.as_deref())?;
-    super::warn_of_speed(&scenario)?;
+    super::warn_of(&scenario)?;
     check(&scenario)?;
     if let Some(path) = &arguments.scenario_out {
         write_file(path, scenario.to_toml().as_bytes())?;

@@ -213,7 +213,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let mut scenario = arguments.flags.scenario()?;
     let hands = arguments.hands.prepare(mode, &arguments.flags, &mut scenario)?;
     scenario.check_driver_options(arguments.flags.scenario.as_deref())?;
-    super::warn_of_speed(&scenario)?;
+    super::warn_of(&scenario)?;
     let record = match (&arguments.record, mode.is_training()) {
         (None, true) => Some(PathBuf::from("recordings")),
         (folder, _) => folder.clone(),

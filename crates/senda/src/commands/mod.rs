@@ -35,10 +35,10 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
         .with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Warns of a speed that the vehicle does not have; on standard error, so that results stay alone on standard output.
-pub(crate) fn warn_of_speed(scenario: &Scenario) -> Result<()> {
-    if let Some(note) = scenario.speed_note()? {
-        crate::terminal::tell(&format!("warning: {note}"));
+/// Warns of what the vehicle does not have; on standard error, so that results stay alone on standard output.
+pub(crate) fn warn_of(scenario: &Scenario) -> Result<()> {
+    for note in scenario.notes()? {
+        tell!("warning: {note}");
     }
     Ok(())
 }

@@ -135,6 +135,10 @@ impl Arguments {
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let plan = arguments.plan()?;
+    // What cannot be read is complained of by the runs.
+    for note in plan.base.notes().unwrap_or_default() {
+        tell!("warning: {note}");
+    }
     let output = Output {
         title: "Sweep",
         warnings: vec![],
