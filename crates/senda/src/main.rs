@@ -5,7 +5,7 @@ mod terminal;
 mod cockpit;
 mod commands;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 /// Simulate, record, train, evaluate and drive small camera-guided vehicles.
 #[derive(Parser)]
@@ -60,7 +60,8 @@ enum Command {
 }
 
 fn main() -> std::process::ExitCode {
-    let arguments = Arguments::parse();
+    let matches = with_negative_numbers(Arguments::command()).get_matches();
+    let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     terminal::end_with_the_reader();
     terminal::listen_for_interrupts();
     let result = match arguments.command {
@@ -99,6 +100,16 @@ fn main() -> std::process::ExitCode {
             std::process::ExitCode::FAILURE
         }
     }
+}
+
+/// A negative number is a value wherever one is expected: whoever reads it says what it may be.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    command
+        .mut_args(|argument| {
+            let takes_values = argument.get_action().takes_values();
+            argument.allow_negative_numbers(takes_values)
+        })
+        .mut_subcommands(with_negative_numbers)
 }
 
 fn greet() -> anyhow::Result<()> {

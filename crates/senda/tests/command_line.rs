@@ -57,6 +57,57 @@ fn a_full_disk_on_standard_output_is_an_error() {
     }
 }
 
+/// "unexpected argument '-1'" told no range; and other complaints did not say what to do.
+#[test]
+fn values_out_of_range_are_told_their_range() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.toml");
+    for (arguments, words) in [
+        (
+            &["drive", "--latency", "-1"][..],
+            "`latency_s` is -1, but must be 0 to 5",
+        ),
+        (&["drive", "--seed", "-1"], "invalid value '-1' for '--seed <S>'"),
+        (
+            &["study", "follow", "--kp", "-1"],
+            "expected a number from 0 to 1000, but found -1",
+        ),
+        (
+            &["world", "random", "--min-radius", "-1", "--out", text(&out)],
+            "--min-radius",
+        ),
+        (
+            &["world", "random", "--family", "random-lin", "--out", text(&out)],
+            "did you mean \"random-line:",
+        ),
+        (
+            &["sweep", "--sample", "0"],
+            "`sample` is 0, but must be at least 1",
+        ),
+        (
+            &["calibrate", "placement", "--near", "0.5", "--far", "0.07"],
+            "a near limit above 0 and below the far one",
+        ),
+        (
+            &["calibrate", "camera", "--out", text(&out)],
+            "with --simulate the simulated camera takes it",
+        ),
+        (
+            &["study", "follow", "--form", "curve", "--kp", "1.1,3"],
+            "--kp: only the document's form has this gain",
+        ),
+        (
+            &["drive", "--world", "straight", "--start-station", "999"],
+            "`start.station_m` is 999, but must be 0.00 to 5.30",
+        ),
+    ] {
+        let failed = senda(arguments).failure();
+        let found = String::from_utf8_lossy(&failed.get_output().stderr).into_owned();
+        assert!(found.contains(words), "{arguments:?}: {words:?} in {found}");
+        assert!(!found.contains("unexpected argument"), "{found}");
+    }
+}
+
 #[test]
 fn the_summary_has_every_promised_field() {
     let summary = json(&[&["drive", "--json"], &SHORT[..]].concat());

@@ -3,6 +3,11 @@
 use crate::options::{DriverError, check};
 use serde::{Deserialize, Serialize};
 
+/// Event of a driver that ends because there never was a line.
+pub const GAVE_UP: &str = "no line found, gave up";
+/// Event of a driver that ends because its line is gone for good.
+pub const STOPPED: &str = "stopped without a line";
+
 /// What to do while no line is seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -163,8 +168,8 @@ impl Loss {
             (_, Mode::Transition) => Some("line seen again"),
             (_, Mode::Tracking) => Some("line tracked"),
             (_, Mode::Lost) => Some("line lost"),
-            (Mode::NeverSeen, Mode::Stopped) => Some("no line found, gave up"),
-            (_, Mode::Stopped) => Some("stopped without a line"),
+            (Mode::NeverSeen, Mode::Stopped) => Some(GAVE_UP),
+            (_, Mode::Stopped) => Some(STOPPED),
             (_, Mode::NeverSeen) => None,
         };
         self.mode

@@ -204,7 +204,16 @@ impl Summary {
             return (format!("left the corridor{place}"), false);
         }
         match (self.completion, self.laps_wanted) {
-            (Some(part), Some(_)) => (format!("stopped after {} %", text::fixed(100.0 * part, 0)), false),
+            (Some(part), Some(_)) => {
+                let why = match self.ended.as_str() {
+                    "" => String::new(),
+                    ended => format!(": {ended}"),
+                };
+                (
+                    format!("stopped after {} %{why}", text::fixed(100.0 * part, 0)),
+                    false,
+                )
+            }
             _ if !self.ended.is_empty() => (self.ended.clone(), true),
             _ => ("recorded".into(), true),
         }

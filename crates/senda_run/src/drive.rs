@@ -23,6 +23,8 @@ pub enum Ending {
     TimeOut,
     /// The driver said that its work is done.
     Done,
+    /// The driver has no line any more, or found none, and ended.
+    WithoutLine,
     /// Somebody interrupted.
     Interrupted,
     /// The recording or data ended.
@@ -38,6 +40,7 @@ impl Ending {
             Self::Stopped => "the driver stopped",
             Self::TimeOut => "time over",
             Self::Done => "the driver has done its work",
+            Self::WithoutLine => "the driver stopped without a line",
             Self::Interrupted => senda_eval::summary::INTERRUPTED,
             Self::EndOfData => "end of the data",
         }
@@ -143,6 +146,10 @@ fn run_with<W: Write + Seek>(
         &mut log,
         ears,
     )?;
+    let ending = match ending {
+        Ending::Done if log.ended_without_a_line() => Ending::WithoutLine,
+        other => other,
+    };
 
     if let Pilot::Person(_) = pilot {
         // A person's time for a frame is the waiting for the next one: no figure about senda.

@@ -3,6 +3,7 @@
 use crate::{Scenario, drive::Ending, referee, trajectory::TrajectoryDigest};
 use senda_core::{Body, Command, Explanation, Observation, Truth};
 use senda_drivers::MissionOptions;
+use senda_drivers::loss::{GAVE_UP, STOPPED};
 use senda_eval::metrics::{self, Motion};
 use senda_eval::{Delivery, DeliveryRules, Summary, delivery};
 use senda_world::World;
@@ -65,6 +66,15 @@ impl Log {
             shapes: Vec::new(),
             events: explanation.events.clone(),
         });
+    }
+
+    /// Whether the driver ended in the last step because it had no line.
+    pub(crate) fn ended_without_a_line(&self) -> bool {
+        self.accounts.last().is_some_and(|last| {
+            last.events
+                .iter()
+                .any(|event| [GAVE_UP, STOPPED].contains(&event.as_str()))
+        })
     }
 
     /// What became of a package; `None` outside of warehouses.

@@ -289,6 +289,13 @@ pub fn run(
     interrupted: &(dyn Fn() -> bool + Sync),
     clock_ns: &(dyn Fn() -> u64 + Sync),
 ) -> Result<Vec<Line>, RunError> {
+    if plan.sample == Some(0) {
+        return Err(RunError::Scenario {
+            key: "sample",
+            found: "0".to_owned(),
+            expected: "at least 1; left out, every combination is run".to_owned(),
+        });
+    }
     let runs = plan.runs()?;
     let keys = keys(&runs);
     let mut done: BTreeMap<String, Line> = BTreeMap::new();

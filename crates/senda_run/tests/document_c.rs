@@ -130,6 +130,13 @@ fn without_a_line_it_stops() {
                 (1.0..1.9).contains(&summary.distance_m),
                 "{driver} on {floor}: {summary:?}"
             );
+            assert_eq!(summary.ended, "the driver stopped without a line");
+            assert!(
+                summary
+                    .verdict()
+                    .0
+                    .ends_with("%: the driver stopped without a line")
+            );
         }
     }
 }

@@ -44,7 +44,6 @@ enum What {
     /// Find the sheet in a picture and write the calibration file
     Camera {
         /// Photograph (JPEG or PNG) of the sheet by the vehicle's camera
-        #[arg(required_unless_present = "simulate")]
         photo: Option<PathBuf>,
         /// Let the simulated camera take the picture instead
         #[arg(long, conflicts_with = "photo")]
@@ -162,7 +161,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         }
         What::Camera {
             photo,
-            simulate: _,
+            simulate,
             vehicle,
             landscape,
             near_square,
@@ -177,6 +176,9 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             let page = page(landscape, near_square, &spec)?;
             let (image, encoded) = match photo {
                 Some(path) => read_picture(&path)?,
+                None if !simulate => bail!(
+                    "expected a photograph of the sheet, but found none; with --simulate the simulated camera takes it"
+                ),
                 None => {
                     let image = photograph::of_sheet(&spec, &page, seed)?;
                     let encoded = senda_core::codec::encode_png(&image)?;
@@ -230,6 +232,9 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         } => {
             let view = view_deg.to_radians();
             if let (Some(near), Some(far)) = (near, far) {
+                if !(0.0 < near && near < far) {
+                    bail!("--near {near} --far {far}: expected a near limit above 0 and below the far one");
+                }
                 let Some(mountings) = placement::mountings_for(near, far, view) else {
                     bail!(
                         "no height and tilt let {view_deg}° see from {near} to {far} m: a larger view angle is needed"

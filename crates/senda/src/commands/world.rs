@@ -182,16 +182,14 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             json,
         } => {
             let Some(mut difficulty) = random::difficulty(&family) else {
-                let known: Vec<&str> = random::FAMILIES.iter().map(|(name, _)| *name).collect();
-                if !known.contains(&family.as_str()) {
-                    bail!("--family {family}: expected one of {}", known.join(", "));
-                }
+                let world =
+                    find_world(&format!("{family}:{seed}")).with_context(|| format!("--family {family}"))?;
                 if min_radius.is_some() || length.is_some() {
                     bail!(
                         "--min-radius, --length: expected another family, for {family} has its own measures"
                     );
                 }
-                return write_world(&find_world(&format!("{family}:{seed}"))?, &out, json);
+                return write_world(&world, &out, json);
             };
             difficulty.min_radius_m = min_radius.unwrap_or(difficulty.min_radius_m);
             if let Some(length) = length {

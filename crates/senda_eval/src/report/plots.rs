@@ -19,7 +19,7 @@ pub(super) struct Group {
 /// What a plot shows.
 struct Plan {
     title: &'static str,
-    /// Keys of the columns; those that a run lacks are left out, and the plot with them if none is left.
+    /// Keys of the columns; those that a run lacks or that hold no number are left out, and the plot with them if none is left.
     keys: &'static [&'static str],
     label: &'static str,
     caption: &'static str,
@@ -181,14 +181,16 @@ pub(super) fn groups(columns: &Columns) -> Vec<Group> {
             ));
             continue;
         }
+        if !has_values(column) {
+            continue;
+        }
+        let mut title = capitalised(&column.name);
+        let mut others = groups.iter().flat_map(|group| &group.figures).chain(&figures);
+        if others.any(|other| other.title == title) {
+            title += ", as the driver has it";
+        }
         let caption = format!("Signal {name} of the driver.");
-        figures.push(time_figure(
-            &capitalised(&column.name),
-            &column.name,
-            &caption,
-            &[column],
-            columns,
-        ));
+        figures.push(time_figure(&title, &column.name, &caption, &[column], columns));
     }
     let mut intro =
         "What the driver logs for each frame (C15). Red spans: the line or lane was not found.".to_owned();
@@ -221,8 +223,18 @@ fn capitalised(name: &str) -> String {
     })
 }
 
+/// Whether there is anything to plot.
+fn has_values(column: &Column) -> bool {
+    column.values.iter().any(|value| value.is_finite())
+}
+
 fn chosen<'a>(plan: &Plan, columns: &'a Columns) -> Option<Vec<&'a Column>> {
-    let chosen: Vec<&Column> = plan.keys.iter().filter_map(|key| columns.get(key)).collect();
+    let chosen: Vec<&Column> = plan
+        .keys
+        .iter()
+        .filter_map(|key| columns.get(key))
+        .filter(|column| has_values(column))
+        .collect();
     // What is only true, without what the driver believes, belongs to the other plots.
     let has_own = chosen.iter().any(|column| !column.key.starts_with("true_"));
     (has_own || chosen.iter().any(|column| column.key == "true_speed")).then_some(chosen)

@@ -199,6 +199,41 @@ fn a_page_holds_every_frame_as_recorded_and_is_the_same_every_time() {
     assert!(page.contains("completed") && page.contains("Lane error") && page.contains("sp-vehicle"));
 }
 
+/// Empty plots were shown, and two were called "Speed".
+#[test]
+fn every_plot_shows_something_and_has_a_name_of_its_own() {
+    let (mut recording, world) = (recording(30, "line", false), world());
+    for (i, step) in recording.steps.iter_mut().enumerate() {
+        let explanation = &mut step.explanation;
+        explanation.signals.retain(|signal| signal.name != "d_m");
+        for name in ["d_m", "mean", "max", "threshold", "strange"] {
+            explanation.signal(name, f64::NAN);
+        }
+        explanation.signal("speed_mps", 0.1 + 0.001 * i as f64);
+    }
+    let summary = summary(&recording, &world, "test");
+    for world in [Some(&world), None] {
+        let shown = run(&recording, &summary, world);
+        let course = world.map(|world| Course::of(world, Some(1.0)));
+        let columns = super::columns::columns(&shown, course.as_ref());
+        let mut titles: Vec<String> = super::plots::groups(&columns)
+            .into_iter()
+            .flat_map(|group| group.figures)
+            .map(|figure| figure.title)
+            .collect();
+        for absent in ["Distance d", "Line filter", "Strange"] {
+            assert!(!titles.iter().any(|title| title == absent), "{titles:?}");
+        }
+        for present in ["Speed", "Speed, as the driver has it"] {
+            assert!(titles.iter().any(|title| title == present), "{titles:?}");
+        }
+        let count = titles.len();
+        titles.sort();
+        titles.dedup();
+        assert_eq!(titles.len(), count, "{titles:?}");
+    }
+}
+
 #[test]
 fn nothing_is_loaded_from_anywhere() {
     let (recording, world) = (recording(5, "line", false), world());
