@@ -65,12 +65,21 @@ impl Eye {
 /// Worlds of several floors and lights, all for tuning.
 fn worlds() -> Vec<(String, World)> {
     let named = |name: &str| World::named(name).unwrap();
-    vec![
+    let mut worlds = vec![
         ("plain".to_owned(), named("warehouse")),
         ("wood".to_owned(), named("warehouse-2")),
-        ("dim".to_owned(), named("warehouse").with_light("dim").unwrap()),
         ("dark".to_owned(), named("warehouse").with_floor("dark").unwrap()),
-    ]
+    ];
+    for light in ["dim", "bright", "lamp", "sunset"] {
+        worlds.push((light.to_owned(), named("warehouse").with_light(light).unwrap()));
+    }
+    // Orange in warm light: some of its pixels are as red as a crossing.
+    let planks = |light: &str| {
+        let world = named("warehouse").with_floor("dark-wood").unwrap();
+        (format!("dark wood, {light}"), world.with_light(light).unwrap())
+    };
+    worlds.extend(["even", "sunset"].map(planks));
+    worlds
 }
 
 /// Where a vehicle stands whose crossing begins at a distance ahead.
@@ -85,13 +94,17 @@ fn crossings_are_measured_where_they_are() {
     for (name, world) in worlds() {
         let place = &world.warehouse.as_ref().unwrap().places[1];
         let (path, edge_m) = (world.path.clone(), place.near_edge_m());
-        let mut eye = Eye::new(&world, 1.0);
-        for (distance_m, left_m, turned_rad, gain) in [
+        let mut eyes = [0.6, 1.0, 1.8].map(|blur_px| Eye::new(&world, blur_px));
+        for (index, (distance_m, left_m, turned_rad, gain)) in [
             (0.26, 0.0, 0.0, 1.2),
             (0.27, 0.015, 0.06, 1.2),
             (0.30, -0.02, -0.05, 1.8),
             (0.28, 0.01, 0.03, 0.9),
-        ] {
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let eye = &mut eyes[index % 3];
             let view = eye.street(before(&path, edge_m, distance_m, left_m, turned_rad), gain);
             let crossing = view
                 .crossing
@@ -107,6 +120,24 @@ fn crossings_are_measured_where_they_are() {
                 (crossing.angle_rad + turned_rad).abs() < 0.026,
                 "{name}: {} for {turned_rad}",
                 crossing.angle_rad
+            );
+        }
+    }
+}
+
+/// Beside the street lies what is as red as a crossing: on a street without one there is none.
+#[test]
+fn no_crossing_is_seen_where_there_is_none() {
+    for (name, world) in worlds() {
+        let path = world.path.clone();
+        let mut eye = Eye::new(&world, 1.0);
+        for step in 0..14 {
+            let station_m = 0.8 + 0.06 * f64::from(step);
+            let view = eye.street(path.pose_at(station_m), 1.2);
+            assert!(
+                view.crossing.is_none_or(|crossing| crossing.distance_m > 0.4),
+                "{name} {station_m}: {:?}",
+                view.crossing
             );
         }
     }
@@ -150,13 +181,15 @@ fn junctions_are_seen_and_nothing_else_is_one() {
         let merge_m = path
             .project(street.pose_at(street.length_m()).position())
             .station_m;
-        let mut eye = Eye::new(&world, 1.0);
+        let mut eye = Eye::new(&world, 1.5);
         let side = if name == "wood" { 1 } else { -1 };
         let view = eye.street(path.pose_at(entry_m - 0.36), 1.2);
         let junction = view
             .junction
             .unwrap_or_else(|| panic!("{name}: none from the area"));
-        assert_eq!(junction.side, side, "{name}");
+        // In low light the line is lost in a shadow before it leaves the straight: it ends.
+        let ends = name.ends_with("sunset") && junction.side == 0;
+        assert!(junction.side == side || ends, "{name}: {junction:?}");
         assert!(junction.beyond.left_at(0.96).abs() < 0.02, "{name}: {junction:?}");
         // On the way back the line ends and the street's line joins from the side.
         let view = eye.street(path.pose_at(merge_m - 0.6 - 0.3), 1.2);
@@ -210,7 +243,7 @@ fn codes_are_read_on_the_way() {
 fn signs_and_lights_are_told_by_the_classical_detector() {
     for (name, world) in worlds() {
         let warehouse = world.warehouse.clone().unwrap();
-        let mut eye = Eye::new(&world, 1.0);
+        let mut eyes = [0.6, 1.0, 1.6].map(|blur_px| Eye::new(&world, blur_px));
         let mut detector = ClassicalDetector::default();
         let area = &warehouse.places[1];
         let PlaceKind::Area { depot, .. } = area.kind else {
@@ -231,7 +264,7 @@ fn signs_and_lights_are_told_by_the_classical_detector() {
                 continue;
             }
             let at = stop.compose(Pose2::new(0.0, 0.0, 0.8 * trig::atan2(towards.y, towards.x)));
-            for time_s in [1.0, 8.0, 14.0] {
+            for (eye, time_s) in eyes.iter_mut().zip([1.0, 8.0, 14.0]) {
                 let green = world
                     .things
                     .iter()
@@ -252,7 +285,7 @@ fn signs_and_lights_are_told_by_the_classical_detector() {
         }
         // A bare street shows nothing.
         let bare = detector
-            .detect(eye.see(world.path.pose_at(1.2), 0.0, 1.2))
+            .detect(eyes[1].see(world.path.pose_at(1.2), 0.0, 1.2))
             .to_vec();
         assert!(
             bare.iter().all(|found| found.height_px() < 60.0),

@@ -145,24 +145,34 @@ impl ClassicalDetector {
         let width = self.small.width();
         let mut board =
             |image: &Image, size: [usize; 4], filled: f64, kept: &dyn Fn(usize, usize) -> bool| {
-                let (w, h) = ((size[2] - size[0]) as f64, (size[3] - size[1]) as f64);
+                let is_high =
+                    |size: [usize; 4]| (size[3] - size[1]) as f64 > options.board_part * width as f64;
+                let has_shape = |size: [usize; 4]| {
+                    let (w, h) = ((size[2] - size[0]) as f64, (size[3] - size[1]) as f64);
+                    (0.4..1.5).contains(&(w / h))
+                };
+                let (mut size, mut filled) = (size, filled);
+                if is_high(size) && !has_shape(size) {
+                    (size, filled) = without_thin_ends(kept, size);
+                }
                 // Cut by the frame's edge its digit cannot be told.
                 let whole = size[0] > 0 && size[1] > 0 && size[2] < width;
                 if whole
-                    && h > options.board_part * width as f64
-                    && (0.4..1.5).contains(&(w / h))
+                    && is_high(size)
+                    && has_shape(size)
                     && filled > 0.45
                     && let Some((digit, confidence)) = digit(image, corners(kept, size))
                 {
                     keep(ObjectClass::Sign(digit), size, confidence);
                 }
             };
-        for balanced in [false, true] {
-            if balanced {
+        for (balanced, least_hue) in [(false, 0), (true, 0), (true, BALANCED_HUE)] {
+            if balanced && least_hue == 0 {
                 self.balance();
             }
             for more in [0, 20, 40, 65, 95] {
                 let mut colour = options.board;
+                colour.low[0] = colour.low[0].max(least_hue);
                 colour.low[1] = colour.low[1].saturating_add(more);
                 self.blobs(height, |hsv, _| colour.contains(hsv), &mut board);
             }
@@ -229,6 +239,24 @@ impl ClassicalDetector {
         }
     }
 }
+
+/// A box without its columns in which hardly anything is kept, and the part of the rest that is filled: a line far behind a
+/// board, as blue as it, sticks out of it.
+fn without_thin_ends(kept: &dyn Fn(usize, usize) -> bool, size: [usize; 4]) -> ([usize; 4], f64) {
+    let [left, top, right, bottom] = size;
+    let kept_in = |u: usize| (top..bottom).filter(|v| kept(u, *v)).count();
+    let is_thick = |u: &usize| 3 * kept_in(*u) > bottom - top;
+    let (Some(first), Some(last)) = ((left..right).find(is_thick), (left..right).rfind(is_thick)) else {
+        return (size, 0.0);
+    };
+    let count: usize = (first..=last).map(kept_in).sum();
+    let area = (last + 1 - first) * (bottom - top);
+    ([first, top, last + 1, bottom], count as f64 / area as f64)
+}
+
+/// Hues from which on a board is blue when the floor is grey (measured: 98 and more): a street's green line, which joins
+/// the board before it with what is beside it, has less.
+const BALANCED_HUE: u8 = 92;
 
 /// By so much the tint of a lamp that outshines the camera differs from its housing's.
 const TINT: f64 = 0.05;

@@ -69,6 +69,35 @@ fn digits_are_told_whatever_the_floor_the_light_and_the_angle() {
     }
 }
 
+/// Behind the board a street with its green line: in the light of a low sun both are as blue, against the floor, as the board,
+/// and far away what is left of the line has the board's own colour.
+#[test]
+fn a_digit_before_a_street_is_told_at_sunset() {
+    let light = [1.0, 0.745, 0.51];
+    for number in 0..10u8 {
+        let mut image = picture(&Texture::sign(number), [155, 146, 150], light, 0.0);
+        let bare = image.clone();
+        for v in 55..85usize {
+            let street = if (66..74).contains(&v) {
+                [40.0, 150.0, 90.0]
+            } else {
+                [84.0, 82.0, 98.0]
+            };
+            for u in (0..118).chain(172..320) {
+                let lit = [0, 1, 2].map(|channel| (street[channel] * light[channel]) as u8);
+                image.row_mut(v)[3 * u..3 * u + 3].copy_from_slice(&lit);
+            }
+            let far = if (66..68).contains(&v) { 290 } else { 172 };
+            for u in (118..120).chain(170..far) {
+                let board = bare.pixel(124, 50).to_vec();
+                image.row_mut(v)[3 * u..3 * u + 3].copy_from_slice(&board);
+            }
+        }
+        let class = surest(&image).map(|one| one.class);
+        assert_eq!(class, Some(ObjectClass::Sign(number)));
+    }
+}
+
 /// What a crossing's bars are: red, and below each the street.
 #[test]
 fn a_crossings_bars_are_no_lights() {

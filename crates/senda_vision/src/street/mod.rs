@@ -15,7 +15,7 @@ use crate::street::colours::{ColourLimits, Limits};
 use senda_core::{Channels, Image};
 use senda_geom::{Camera, Vec2};
 
-pub use crossing::Crossing;
+pub use crossing::{Crossing, Red};
 pub use junction::{FarLine, Junction};
 pub use trace::{Cluster, Trace};
 
@@ -43,13 +43,14 @@ pub struct StreetEyes {
     factor: usize,
     width: usize,
     height: usize,
-    /// Floor point of every working pixel as x, y (m); x is NaN where there is none within reach.
-    floor: Vec<[f32; 2]>,
+    /// Floor point of every working pixel as x, y (m), and the area that it shows (m²); x is NaN where there is none within
+    /// reach.
+    floor: Vec<[f32; 3]>,
     map: FloorMap,
     small: Image,
     colours: ColourLimits,
     rings: trace::Rings,
-    red: Vec<Vec2>,
+    red: Vec<Red>,
     view: StreetView,
 }
 
@@ -62,11 +63,16 @@ impl StreetEyes {
         let floor = (0..small_width * small_height)
             .map(|index| {
                 let (u, v) = (index % small_width, index / small_width);
-                match map.floor(Vec2::new(u as f64 + 0.5, v as f64 + 0.5)) {
+                let at = |right: f64, down: f64| {
+                    map.floor(Vec2::new(u as f64 + 0.5 + right, v as f64 + 0.5 + down))
+                };
+                match at(0.0, 0.0) {
                     Some(point) if point.length() < FAR_M && point.x > 0.0 => {
-                        [point.x as f32, point.y as f32]
+                        let side = |other: Option<Vec2>| other.unwrap_or(point) - point;
+                        let area_m2 = side(at(1.0, 0.0)).perp_dot(side(at(0.0, 1.0))).abs();
+                        [point.x as f32, point.y as f32, area_m2 as f32]
                     }
-                    _ => [f32::NAN; 2],
+                    _ => [f32::NAN; 3],
                 }
             })
             .collect();
@@ -112,12 +118,15 @@ impl StreetEyes {
             {
                 continue;
             }
-            let [x, y] = floor.map(f64::from);
+            let [x, y, area_m2] = floor.map(f64::from);
             let hsv = crate::hsv(*pixel);
             if limits.green.contains(hsv) {
                 self.rings.push(Vec2::new(x, y));
             } else if limits.red.contains(hsv) {
-                self.red.push(Vec2::new(x, y));
+                self.red.push(Red {
+                    at: Vec2::new(x, y),
+                    area_m2,
+                });
             }
         }
         self.rings.cluster();

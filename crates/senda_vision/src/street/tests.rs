@@ -1,9 +1,9 @@
 use super::colours::{ColourLimits, lightness, shrink};
-use super::crossing::{find, low_median};
+use super::crossing::{Red, find, low_median};
 use super::junction;
 use super::trace::{Expected, Rings, Trace};
 use senda_core::{Channels, Image};
-use senda_geom::Vec2;
+use senda_geom::{Vec2, trig};
 
 fn plain(value: [u8; 3]) -> Image {
     let mut image = Image::new(64, 48, Channels::Rgb);
@@ -43,26 +43,72 @@ fn shrinking_takes_means() {
     assert_eq!(small.pixel(1, 0), [100, 0, 0]);
 }
 
+/// Red between two bounds to the left (m), 8 cm deep from a distance on, aslant by a slope; 8 mm² each pixel.
+fn red(left_m: [f64; 2], distance_m: f64, slope: f64) -> Vec<Red> {
+    let count = ((left_m[1] - left_m[0]) / 0.002).round() as usize;
+    (0..count)
+        .flat_map(|i| (0..20).map(move |j| (i, j)))
+        .map(|(i, j)| {
+            let y = left_m[0] + 0.002 * (i as f64 + 0.5);
+            Red {
+                at: Vec2::new(distance_m + slope * y + 0.004 * f64::from(j), y),
+                area_m2: 8e-6,
+            }
+        })
+        .collect()
+}
+
+/// So many of a crossing's five bars, from the right.
+fn bars(count: usize, distance_m: f64, slope: f64) -> Vec<Red> {
+    (0..count)
+        .map(|bar| -0.1 + 0.044 * bar as f64)
+        .flat_map(|from_m| red([from_m, from_m + 0.022], distance_m, slope))
+        .collect()
+}
+
 /// Bars seen aslant: distance and angle come out; a single bar or a spot is no crossing.
 #[test]
 fn crossings_of_points_are_measured() {
-    let bars = |count: usize, slope: f64| -> Vec<Vec2> {
-        (0..count)
-            .flat_map(|bar| (0..11).map(move |i| (bar, i)))
-            .flat_map(|(bar, i)| (0..20).map(move |j| (bar, i, j)))
-            .map(|(bar, i, j)| {
-                let y = -0.1 + 0.044 * bar as f64 + 0.002 * f64::from(i);
-                Vec2::new(0.3 + slope * y + 0.004 * f64::from(j), y)
-            })
-            .collect()
-    };
-    for slope in [-0.1, 0.0, 0.08] {
-        let crossing = find(&bars(5, slope)).unwrap();
+    for slope in [-0.3, -0.1, 0.0, 0.08, 0.3] {
+        let crossing = find(&bars(5, 0.3, slope)).unwrap();
         assert!((crossing.distance_m - 0.3).abs() < 0.003, "{crossing:?}");
-        assert!((crossing.angle_rad + slope).abs() < 0.02, "{crossing:?}");
+        assert!(
+            (crossing.angle_rad + trig::atan(slope)).abs() < 0.02,
+            "{crossing:?}"
+        );
     }
-    assert_eq!(find(&bars(1, 0.0)), None);
+    assert!(find(&bars(3, 0.3, 0.0)).is_some(), "what is seen of it");
+    assert_eq!(find(&bars(1, 0.3, 0.0)), None);
     assert_eq!(find(&[]), None);
+}
+
+/// Dark wood is orange in warm light: some of its pixels beside the street counted as a crossing, before which the vehicle
+/// then stood.
+#[test]
+fn red_beside_the_street_is_no_crossing_and_hides_none() {
+    let mut sparse = red([0.1, 0.16], 0.24, 0.0);
+    sparse.extend(red([-0.16, -0.1], 0.24, 0.0));
+    let floor = sparse.clone();
+    let mut count = 0;
+    sparse.retain(|_| {
+        count += 1;
+        count % 5 == 0
+    });
+    assert!(sparse.len() > 200);
+    // They begin before the crossing: its edge is its own.
+    let mut both = sparse.clone();
+    both.extend(bars(5, 0.29, 0.05));
+    let crossing = find(&both).unwrap();
+    assert!((crossing.distance_m - 0.29).abs() < 0.003, "{crossing:?}");
+    assert!((crossing.angle_rad + 0.05).abs() < 0.02, "{crossing:?}");
+    for (name, beside) in [("planks", floor), ("pixels of planks", sparse)] {
+        assert_eq!(find(&beside), None, "{name}");
+        let mut both = beside;
+        both.extend(bars(5, 0.38, 0.0));
+        let crossing = find(&both).unwrap_or_else(|| panic!("{name}"));
+        assert!((crossing.distance_m - 0.38).abs() < 0.003, "{name}: {crossing:?}");
+    }
+    assert_eq!(find(&red([-0.16, 0.16], 0.3, 0.0)), None, "a carpet");
 }
 
 /// Far away a short piece's direction is anybody's guess; the line through both sides of the gap is not.
