@@ -169,24 +169,23 @@ impl World {
             Some(floor) => Floor::read(floor)?,
             None => Floor::of_kind(crate::floor::FloorKind::Plain),
         };
+        let (mut things, mut in_the_way) = (Vec::new(), Vec::new());
+        for item in table.tables_at_most("things", 256)? {
+            things.push(Thing::read(item, &path, &mut in_the_way)?);
+        }
         let warehouse = match table.optional_table("warehouse")? {
-            Some(warehouse) => Some(Warehouse::read(warehouse, &path, &mut warnings)?),
+            Some(warehouse) => Some(Warehouse::read(warehouse, &path, &things, &mut warnings)?),
             None => None,
         };
+        // A warehouse's package stands before the vehicle, and its streets are driven around.
+        if warehouse.is_none() {
+            warnings.append(&mut in_the_way);
+        }
         let (low, high) = bounds_of(&layers(&path, &markings, warehouse.as_ref()), margin_m);
         let light = match table.optional_table("light")? {
             Some(light) => Light::read(light, low, high)?,
             None => Light::default(),
         };
-        let mut things = Vec::new();
-        let mut in_the_way = Vec::new();
-        for item in table.tables_at_most("things", 256)? {
-            things.push(Thing::read(item, &path, &mut in_the_way)?);
-        }
-        // A warehouse's package stands before the vehicle, and its streets are driven around.
-        if warehouse.is_none() {
-            warnings.append(&mut in_the_way);
-        }
         let landscape = Landscape::read(table, &path)?;
         let backdrop = match table.optional_table("backdrop")? {
             Some(mut backdrop) => {

@@ -19,6 +19,40 @@ fn check(text: &str, line: usize, key: &str, words: &[&str]) {
     }
 }
 
+/// A light that did not exist was taken without a word, and red ones were then not judged.
+#[test]
+fn what_a_warehouse_refers_to_exists() {
+    let good = World::named("warehouse").unwrap().to_toml();
+    let refused = |from: &str, to: &str, key: &str, words: &[&str]| {
+        assert_eq!(good.matches(from).count(), 1, "{from}");
+        let text = good.replacen(from, to, 1);
+        let line = 1 + text[..text.find(to).unwrap()].matches('\n').count();
+        check(&text, line, key, words);
+    };
+    refused(
+        "light = \"light 1\"",
+        "light = \"light 9\"",
+        "warehouse.places[1].light",
+        &[
+            "a light among [[things]]: light 1",
+            "found \"light 9\"",
+            "did you mean \"light 1\"?",
+        ],
+    );
+    refused(
+        "street = \"street 2\"",
+        "street = \"stret 2\"",
+        "warehouse.places[4].street",
+        &["street 1, street 2", "did you mean \"street 2\"?"],
+    );
+    refused(
+        "depot = 0\nlight",
+        "depot = 7\nlight",
+        "warehouse.places[1].depot",
+        &["the number of a depot: 0, 1, 2", "found 7"],
+    );
+}
+
 #[test]
 fn messages_name_line_key_and_remedy() {
     check("", 1, "", &["an empty file", "worlds/oval.toml"]);

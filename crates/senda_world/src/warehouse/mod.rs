@@ -5,10 +5,11 @@ mod layout;
 pub use layout::WarehouseLayout;
 
 use crate::colour::{Colour, ReadColour};
-use crate::error::{Warning, WorldError};
+use crate::error::{Warning, WorldError, nearest_names};
 use crate::marking::Marking;
 use crate::path::{FAR_M, PathSpec};
 use crate::reader::Table;
+use crate::thing::Thing;
 use crate::writer::Document;
 use senda_geom::{Curve, Place as CurvePlace, Pose2, Vec2};
 
@@ -152,6 +153,7 @@ impl Warehouse {
     pub(crate) fn read(
         mut table: Table,
         path: &Curve,
+        things: &[Thing],
         warnings: &mut Vec<Warning>,
     ) -> Result<Self, WorldError> {
         let street_width_m = table.f64("street_width_m", 0.01, 100.0, 0.2)?;
@@ -185,9 +187,22 @@ impl Warehouse {
                 markings,
             });
         }
+        let mut items = table.tables_at_most("places", 128)?;
         let mut places = Vec::new();
-        for item in table.tables_at_most("places", 128)? {
-            places.push(Place::read(item, path, &streets)?);
+        for item in &mut items {
+            places.push(Place::read(item, path, &streets, things)?);
+        }
+        let depots: Vec<u8> = places.iter().filter_map(Place::depot).collect();
+        for (item, place) in items.into_iter().zip(&places) {
+            if let PlaceKind::Area { depot, .. } = &place.kind
+                && !depots.contains(depot)
+            {
+                let numbers: Vec<String> = depots.iter().map(u8::to_string).collect();
+                let known = format!("the number of a depot: {}", numbers.join(", "));
+                let help = "add the place with kind = \"depot\", or correct the number";
+                return Err(item.problem("depot", known, depot.to_string(), help));
+            }
+            item.finish()?;
         }
         table.finish()?;
         Ok(Self {
@@ -216,17 +231,54 @@ impl Warehouse {
     }
 }
 
+/// Which of the names a key holds; absent is none, another name an error.
+fn one_of<'a>(
+    table: &mut Table,
+    key: &'static str,
+    what: &str,
+    names: impl Iterator<Item = &'a str>,
+) -> Result<Option<usize>, WorldError> {
+    let Some(found) = table.optional_string(key)? else {
+        return Ok(None);
+    };
+    let names: Vec<&str> = names.collect();
+    if let Some(index) = names.iter().position(|name| *name == found) {
+        return Ok(Some(index));
+    }
+    let help = match nearest_names(&found, &names).first() {
+        Some(name) => format!("did you mean {name:?}?"),
+        None => String::new(),
+    };
+    let all = if names.is_empty() {
+        "there is none".to_owned()
+    } else {
+        names.join(", ")
+    };
+    Err(table.problem(
+        key,
+        format!("the name of {what}: {all}"),
+        format!("{found:?}"),
+        help,
+    ))
+}
+
 impl Place {
-    fn read(mut table: Table, path: &Curve, streets: &[Street]) -> Result<Self, WorldError> {
-        let street = match table.optional_string("street")? {
-            None => None,
-            Some(name) => {
-                let index = streets.iter().position(|street| street.name == name);
-                let names: Vec<&str> = streets.iter().map(|street| street.name.as_str()).collect();
-                let known = || format!("the name of a street: {}", names.join(", "));
-                Some(index.ok_or_else(|| table.problem("street", known(), format!("{name:?}"), ""))?)
-            }
-        };
+    /// The number of a depot; `None` for other places.
+    fn depot(&self) -> Option<u8> {
+        match self.kind {
+            PlaceKind::Depot { number } => Some(number),
+            _ => None,
+        }
+    }
+
+    fn read(
+        table: &mut Table,
+        path: &Curve,
+        streets: &[Street],
+        things: &[Thing],
+    ) -> Result<Self, WorldError> {
+        let names = streets.iter().map(|street| street.name.as_str());
+        let street = one_of(table, "street", "a street", names)?;
         let length_m = street.map_or(path, |index| &streets[index].path).length_m();
         let crossing_depth_m = table.f64("crossing_depth_m", 0.005, 10.0, 0.08)?;
         let crossing_m = table.required_f64("crossing_m", 0.0, FAR_M)?;
@@ -244,15 +296,22 @@ impl Place {
         };
         let kind = match table.required_word("kind", &["start", "area", "depot"])? {
             "start" => PlaceKind::Start,
-            "area" => PlaceKind::Area {
-                depot: depot(&mut table)?,
-                light: table.optional_string("light")?,
-            },
+            "area" => {
+                let depot = depot(table)?;
+                let lights = || things.iter().filter(|thing| thing.texture.shines());
+                let names = lights().map(|thing| thing.name.as_str());
+                let light = one_of(table, "light", "a light among [[things]]", names)?;
+                PlaceKind::Area {
+                    depot,
+                    light: light
+                        .and_then(|index| lights().nth(index))
+                        .map(|thing| thing.name.clone()),
+                }
+            }
             _ => PlaceKind::Depot {
-                number: depot(&mut table)?,
+                number: depot(table)?,
             },
         };
-        table.finish()?;
         Ok(Self {
             kind,
             street,
