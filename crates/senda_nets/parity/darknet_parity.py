@@ -1,8 +1,8 @@
 """Compares senda's detectors with OpenCV's dnn and ONNX Runtime on darknet files that senda wrote with random weights.
 
-    pip install opencv-python-headless onnxruntime numpy      (OpenCV 4: later ones read no darknet files)
+    pip install 'opencv-python-headless<5' onnxruntime numpy      (OpenCV 5 reads no darknet files)
     cargo run --release -p senda_nets --example darknet -- FOLDER
-    python crates/senda_nets/parity/darknet_parity.py FOLDER
+    python crates/senda_nets/parity/darknet_parity.py FOLDER      (--check instead: only whether OpenCV is the right one)
 
 Fails when a relative error (largest difference over largest value) of a head or of the decoded boxes is 1e-4 or more. Prints the
 time of one answer on one thread beside senda's.
@@ -75,5 +75,9 @@ def compare(folder):
     return max(errors.values()) < LIMIT
 
 
+if not hasattr(cv2.dnn, "readNetFromDarknet"):
+    sys.exit(f"expected OpenCV 4, which reads darknet files, but found {cv2.__version__}: pip install 'opencv-python-headless<5'")
+if sys.argv[1:] == ["--check"]:
+    sys.exit()
 folders = sorted(folder.parent for folder in pathlib.Path(sys.argv[1]).glob("*/network.cfg"))
 sys.exit(0 if folders and all([compare(folder) for folder in folders]) else 1)
