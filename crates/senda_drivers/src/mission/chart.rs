@@ -137,6 +137,10 @@ pub enum When {
     CrossingWithoutCode,
     /// It stands square before the crossing.
     Aligned,
+    /// It has nudged for long and stands nearly so.
+    NearlyAligned,
+    /// The crossing before which it was to stop has not been seen for some time, not even from further back: it was none.
+    NoCrossingThere,
     /// Sign and light are known.
     SignAndLight,
     /// The sign is known and all around there is no light.
@@ -175,6 +179,8 @@ impl When {
             Self::OthersCode => "code of another depot",
             Self::CrossingWithoutCode => "crossing without code",
             Self::Aligned => "stands square",
+            Self::NearlyAligned => "stands nearly square",
+            Self::NoCrossingThere => "no crossing to be seen",
             Self::SignAndLight => "sign and light known",
             Self::SignAndNoLight => "sign known, no light",
             Self::TurnedGreen => "turned green",
@@ -231,7 +237,9 @@ pub const CHART: &[Transition] = &[
     go(Step::ToArea,        When::LineLost,            Step::FindLine),
     go(Step::ToArea,        When::TimeOver,            Step::Failed),
     go(Step::StopAtArea,    When::Aligned,             Step::Search),
-    go(Step::StopAtArea,    When::TimeOver,            Step::Search),
+    go(Step::StopAtArea,    When::NearlyAligned,       Step::Search),
+    go(Step::StopAtArea,    When::NoCrossingThere,     Step::ToArea),
+    go(Step::StopAtArea,    When::TimeOver,            Step::Failed),
     go(Step::Search,        When::SignAndLight,        Step::WaitGreen),
     go(Step::Search,        When::SignAndNoLight,      Step::FaceStreet),
     go(Step::Search,        When::TimeOver,            Step::Failed),
@@ -255,7 +263,9 @@ pub const CHART: &[Transition] = &[
     go(Step::ToDepot,       When::LineLost,            Step::FindLine),
     go(Step::ToDepot,       When::TimeOver,            Step::Failed),
     go(Step::StopAtDepot,   When::Aligned,             Step::Unload),
-    go(Step::StopAtDepot,   When::TimeOver,            Step::Unload),
+    go(Step::StopAtDepot,   When::NearlyAligned,       Step::Unload),
+    go(Step::StopAtDepot,   When::NoCrossingThere,     Step::ToDepot),
+    go(Step::StopAtDepot,   When::TimeOver,            Step::Failed),
     go(Step::Unload,        When::TimeOver,            Step::Return),
     go(Step::Return,        When::StartsCode,          Step::ToStart),
     go(Step::Return,        When::JunctionAhead,       Step::CrossBack),
@@ -267,7 +277,9 @@ pub const CHART: &[Transition] = &[
     go(Step::ToStart,       When::LineLost,            Step::FindLine),
     go(Step::ToStart,       When::TimeOver,            Step::Failed),
     go(Step::StopAtStart,   When::Aligned,             Step::Home),
-    go(Step::StopAtStart,   When::TimeOver,            Step::Home),
+    go(Step::StopAtStart,   When::NearlyAligned,       Step::Home),
+    go(Step::StopAtStart,   When::NoCrossingThere,     Step::ToStart),
+    go(Step::StopAtStart,   When::TimeOver,            Step::Failed),
     Transition { from: Step::FindLine, when: When::LineFound, to: To::Back },
     go(Step::FindLine,      When::TimeOver,            Step::Failed),
 ];

@@ -1,7 +1,12 @@
 //! Whether a transition's condition holds.
 
 use super::chart::{Step, When};
-use super::{LOST_S, MissionDriver, look};
+use super::{LOST_S, MissionDriver, halt, look};
+
+/// Nudging has taken long (s).
+const STOP_S: f64 = 14.0;
+/// A crossing that was overrun comes into view again when the vehicle has crept back for so long (s): 12 cm.
+const GONE_S: f64 = 4.0;
 
 impl MissionDriver {
     pub(super) fn holds(&self, when: When) -> bool {
@@ -17,6 +22,16 @@ impl MissionDriver {
                 .clock
                 .stands
                 .is_some_and(|since| self.clock.now.since_s(since) > 0.45),
+            When::NearlyAligned => {
+                self.in_step_s() > STOP_S
+                    && self
+                        .view
+                        .crossing
+                        .is_some_and(|crossing| halt::is_near(&crossing, &self.options))
+            }
+            When::NoCrossingThere => {
+                self.in_step_s() > GONE_S && self.clock.now.since_s(self.clock.crossing) > GONE_S
+            }
             When::SignAndLight => self.signs.digit().is_some() && self.light.known(),
             When::SignAndNoLight => {
                 self.signs.digit().is_some() && !self.light.known() && counts.leg >= look::LEGS
@@ -62,7 +77,7 @@ impl MissionDriver {
             Step::ToJunction | Step::CrossJunction | Step::CrossBack => {
                 self.way.step_m > 1.8 || self.in_step_s() > 3.6 / options.speed_mps
             }
-            Step::StopAtArea | Step::StopAtDepot | Step::StopAtStart => self.in_step_s() > 14.0,
+            Step::StopAtArea | Step::StopAtDepot | Step::StopAtStart => self.in_step_s() > STOP_S + 1.0,
             // Twice all around.
             Step::Search => self.counts.leg >= 2 * look::LEGS,
             Step::WaitGreen => self.light.waited_s(self.clock.now) > options.light_limit_s,
@@ -86,6 +101,9 @@ impl MissionDriver {
             (When::CrossingWithoutCode, _) => "a crossing without a depot's code before it".to_owned(),
             (_, Step::ToJunction) => "no junction came after the area".to_owned(),
             (_, Step::CrossJunction | Step::CrossBack) => "no line was found beyond the junction".to_owned(),
+            (_, Step::StopAtArea | Step::StopAtDepot | Step::StopAtStart) => {
+                "it did not come to stand square before the crossing".to_owned()
+            }
             (_, step) => format!("what {} looks for did not come", step.name()),
         }
     }

@@ -7,6 +7,7 @@ use super::MissionOptions;
 use super::helm::{CREEP_MPS, CREEP_RADPS, towards, turn};
 use senda_core::{Command, Stamp};
 use senda_vision::StreetView;
+use senda_vision::street::Crossing;
 
 /// What may be left when it stands, and how far a nudge goes at most; more is driven by what every frame shows.
 const GOOD_M: f64 = 0.006;
@@ -75,6 +76,11 @@ impl Halt {
     }
 }
 
+/// Whether it stands before a crossing, though not as it should.
+pub(super) fn is_near(crossing: &Crossing, options: &MissionOptions) -> bool {
+    (crossing.distance_m - options.stop_m).abs() < 2.0 * NUDGE_M && crossing.angle_rad.abs() < NUDGE_RAD
+}
+
 fn best_move(view: &StreetView, options: &MissionOptions, stood: bool) -> Move {
     let Some(crossing) = view.crossing else {
         // Too near to see it: back.
@@ -110,7 +116,6 @@ fn best_move(view: &StreetView, options: &MissionOptions, stood: bool) -> Move {
 mod tests {
     use super::*;
     use senda_core::{Drive, Turn};
-    use senda_vision::street::Crossing;
     use std::collections::VecDeque;
 
     /// A vehicle that does late what it is told, and whose camera shows late what it did: it comes to stand, within what may

@@ -4,6 +4,7 @@
 //! what is done in a step. It sees frames and nothing else: the order of depots, the layout and the true state are unknown to it.
 
 pub mod chart;
+mod codes;
 mod conditions;
 mod halt;
 mod helm;
@@ -15,6 +16,7 @@ pub use options::MissionOptions;
 
 use crate::options::DriverError;
 use chart::{CHART, Step, To, When};
+use codes::Codes;
 use halt::Halt;
 use helm::Remembered;
 use look::{LightSeen, Signs};
@@ -56,9 +58,10 @@ pub struct MissionDriver {
 struct Clock {
     now: Stamp,
     began: Stamp,
-    /// When a frame came, when the line was seen.
+    /// When a frame came, when the line was seen, when a crossing.
     frame: Stamp,
     line: Stamp,
+    crossing: Stamp,
     /// Since when it stands (command zero).
     stands: Option<Stamp>,
 }
@@ -73,14 +76,6 @@ struct Way {
     stop_m: f64,
     /// Turned since it stood square to the street (rad).
     turned_rad: f64,
-}
-
-/// Codes since the last stop.
-#[derive(Debug, Clone, Copy, Default)]
-struct Codes {
-    depot: Option<u8>,
-    start: bool,
-    package: Option<u8>,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -215,21 +210,17 @@ impl MissionDriver {
             }
             _ => {}
         }
-        if when == When::OthersCode {
+        let reason = if when == When::OthersCode {
             let (found, goal) = (self.codes.depot.unwrap_or(0), self.goal.unwrap_or(0));
-            self.reason = Some(format!(
+            Some(format!(
                 "expected depot {goal}, but found the code of depot {found}; brings the package back"
-            ));
-        }
-        if to == Step::Failed {
-            self.reason = Some(self.why(when, from));
-        }
-        if let Some(reason) = self
-            .reason
-            .as_ref()
-            .filter(|_| matches!(to, Step::Failed | Step::Return))
-        {
+            ))
+        } else {
+            (to == Step::Failed).then(|| self.why(when, from))
+        };
+        if let Some(reason) = reason {
             event += &format!("; {reason}");
+            self.reason = Some(reason);
         }
         self.events.push(event);
         if from == Step::Unload {
@@ -247,6 +238,13 @@ impl MissionDriver {
             && let Some(junction) = self.view.junction
         {
             self.beyond = Remembered::of(&junction.beyond);
+        }
+        match when {
+            // Nor is it one from a little further on.
+            When::NoCrossingThere => self.way.stop_m = 0.0,
+            // Should it be none, the way to it counts: a crossing is not looked for for ever.
+            When::CrossingAhead => {}
+            _ => self.way.step_m = 0.0,
         }
         if when == When::NoLightThere {
             self.light = self.light.refuted();
@@ -266,7 +264,6 @@ impl MissionDriver {
             ..Counts::default()
         };
         self.halt = Halt::default();
-        self.way.step_m = 0.0;
         (self.clock.began, self.clock.stands) = (self.clock.now, None);
         self.step = to;
     }
@@ -332,20 +329,6 @@ impl MissionDriver {
             self.counts.leg += 1;
         }
         helm::turn(left_rad, self.options.turn_radps)
-    }
-}
-
-impl Codes {
-    fn take(&mut self, text: &str) {
-        let mut letters = text.chars();
-        let number = |digits: &str| digits.parse::<u8>().ok().filter(|_| digits.len() <= 3);
-        match (letters.next(), number(letters.as_str())) {
-            (Some('I'), Some(depot)) => self.package = Some(depot),
-            (Some('F'), Some(depot)) => self.depot = Some(depot),
-            _ if text == "P" => self.start = true,
-            // Other codes are none of this vehicle's business.
-            _ => {}
-        }
     }
 }
 

@@ -36,6 +36,9 @@ impl MissionDriver {
         if self.view.line.points.len() >= 3 {
             self.clock.line = self.clock.now;
         }
+        if self.view.crossing.is_some() {
+            self.clock.crossing = self.clock.now;
+        }
         let reads = matches!(
             self.step,
             Step::WaitPackage | Step::ToArea | Step::TakeStreet | Step::Return
@@ -43,11 +46,16 @@ impl MissionDriver {
         self.seen_codes.clear();
         if reads && self.counts.frames.is_multiple_of(self.options.read_every) {
             let least_px = self.options.code_part * image.width() as f64;
-            for code in self.reader.read(image) {
-                if f64::from(code.size_px()) >= least_px {
-                    self.codes.take(&code.text);
-                }
-                self.seen_codes.push(code.clone());
+            self.seen_codes.extend_from_slice(self.reader.read(image));
+            let near = self
+                .seen_codes
+                .iter()
+                .map(|code| (code.text.as_str(), code.size_px()));
+            let near = near.filter(|(_, size_px)| f64::from(*size_px) >= least_px);
+            if let Some([one, other]) = self.codes.take(near) {
+                self.events.push(format!(
+                    "two packages are shown, I{one} and I{other}: waits until one of them is gone"
+                ));
             }
         }
         let detects = matches!(self.step, Step::Search | Step::WaitGreen);
