@@ -465,6 +465,12 @@ fn worlds_are_drawn_made_and_printed() {
     let at = |name: &str| folder.path().join(name);
     senda(&["world", "draw", "oval", "--out", text(&at("oval.svg"))]).success();
     senda(&["world", "draw", "oval", "--out", text(&at("oval.png"))]).success();
+    // Boards are a PDF, which lay under any name.
+    senda(&["world", "boards", "warehouse", "--out", text(&at("boards.png"))])
+        .failure()
+        .stderr(predicate::str::contains(
+            "boards.png: expected a name that ends in .pdf",
+        ));
     senda(&["world", "random", "--seed", "3", "--out", text(&at("made.toml"))]).success();
     senda(&["world", "check", text(&at("made.toml")), "oval"]).success();
     let stores = at("stores.toml");

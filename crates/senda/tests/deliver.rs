@@ -1,5 +1,5 @@
-//! Deliveries as a user types them. Whole ones take minutes here and are measured in docs/results/deliveries.md; these are the
-//! first seconds of one.
+//! Deliveries as a user types them: one whole, and the first seconds of others. Many whole ones are measured in
+//! docs/results/deliveries.md.
 
 use assert_cmd::Command;
 use predicates::prelude::*;
@@ -40,6 +40,24 @@ fn a_delivery_begins_says_what_it_does_and_is_the_same_every_time() {
     assert_ne!(json(&other)["digest"], one["digest"], "other noise");
 }
 
+/// There and back, in small frames: past a light, by a sign and a code, square before every crossing.
+#[test]
+fn a_package_is_delivered_and_the_vehicle_comes_home() {
+    let one = json(&["--package", "I0", "--seed", "6", "--image", "320x240", "--json"]);
+    assert_eq!(one["delivered_to"], 0, "{one}");
+    for (key, value) in [("correct", true), ("returned", true)] {
+        assert_eq!(one[key], value, "{key}: {one}");
+    }
+    for key in ["red_light_violations", "departures"] {
+        assert_eq!(one[key], 0, "{key}: {one}");
+    }
+    let stops = one["stops"].as_array().unwrap();
+    assert_eq!(stops.len(), 3, "area, depot, start: {one}");
+    let off_m = |stop: &serde_json::Value| stop["distance_error_m"].as_f64().unwrap().abs();
+    let mean_m = stops.iter().map(off_m).sum::<f64>() / 3.0;
+    assert!(mean_m < 0.01, "{mean_m} m: {one}");
+}
+
 #[test]
 fn what_cannot_be_delivered_is_refused_by_name() {
     senda(&["--package", "I9"])
@@ -53,7 +71,10 @@ fn what_cannot_be_delivered_is_refused_by_name() {
         .stderr(contains("detector").and(contains("classical")));
     senda(&["--option", "detector=no-such-file.senda"])
         .failure()
-        .stderr(contains("no-such-file.senda"));
+        .stderr(contains("detector: ").and(contains("no-such-file.senda")));
+    senda(&["--option", "foo=1"])
+        .failure()
+        .stderr(contains("expected one of `detector`, `speed_mps`"));
 }
 
 /// The network in `models/` finds signs and lights instead of colours and shapes.

@@ -122,6 +122,38 @@ fn pictures_are_made_learned_and_judged_twice_the_same() {
         .stderr(contains("steering"));
 }
 
+/// New lists lay beside old pictures.
+#[test]
+fn a_set_replaces_only_a_set() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = folder.path().join("set");
+    let make = |train: &str| {
+        senda(&[
+            "detector",
+            "data",
+            text(&set),
+            "--train",
+            train,
+            "--valid",
+            "0",
+            "--image",
+            "80x60",
+        ])
+    };
+    make("0").failure().stderr(contains("at least one picture"));
+    let count = || std::fs::read_dir(set.join("train")).unwrap().count();
+    make("3").success();
+    assert_eq!(count(), 6, "pictures and labels");
+    make("1").success();
+    assert_eq!(count(), 2);
+    std::fs::write(set.join("train/notes.md"), "mine").unwrap();
+    make("2").failure().stderr(contains("notes.md"));
+    std::fs::remove_file(set.join("train/notes.md")).unwrap();
+    std::fs::write(set.join("mine.jpg"), "mine").unwrap();
+    make("2").failure().stderr(contains("mine.jpg"));
+    assert_eq!(count(), 2, "nothing is touched");
+}
+
 #[test]
 fn broken_sets_and_files_are_refused_with_words() {
     let folder = tempfile::tempdir().unwrap();
@@ -145,6 +177,34 @@ fn broken_sets_and_files_are_refused_with_words() {
     let lane = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/lane-small.senda");
     fails(&["evaluate", text(&lane), text(&data)], "expected a detector");
     fails(&["run", text(&at("a.senda")), text(&data)], "set.data");
+    fails(&["run", "classical", "a.jpg", "--threshold", "7"], "from 0 to 1");
+    fails(
+        &["run", "classical", "a.jpg", "-o", "b.jpg"],
+        "b.jpg: expected a name that ends in .png",
+    );
+    let own = at("a.senda");
+    for [key, value] in [["--input", "33x33"], ["--network", "yolov3-tiny"]] {
+        fails(&["train", text(&data), "--from", text(&own), key, value], key);
+    }
+    senda(&["detector", "export", text(&own), text(&at("dark"))]).success();
+    let weights = at("dark/detector.weights");
+    fails(
+        &[
+            "train",
+            text(&data),
+            "--weights",
+            text(&weights),
+            "--convolutions",
+            "99",
+        ],
+        "--convolutions: expected at most ",
+    );
+    let nameless = at("nameless.data");
+    std::fs::write(&nameless, "classes=4\nvalid=valid.txt\n").unwrap();
+    fails(
+        &["evaluate", "classical", text(&nameless)],
+        "expected the key names",
+    );
 
     // A picture and a label that are broken cost only themselves.
     let first = std::fs::read_to_string(at("train.txt")).unwrap();

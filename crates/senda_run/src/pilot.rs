@@ -202,8 +202,14 @@ fn detector_of(
             Ok(Box::new(ClassicalDetector::new(options.classical)))
         }
         Some(toml::Value::String(path)) => {
-            let model = Model::load(Path::new(path))?;
-            Ok(Box::new(NetworkDetector::new(&model, options.sure as f32)?))
+            let refused = |error: &dyn std::fmt::Display| RunError::DriverOptions {
+                driver: driver.to_owned(),
+                reason: format!("{DETECTOR}: {error}"),
+            };
+            let model = Model::load(Path::new(path)).map_err(|error| refused(&error))?;
+            let detector =
+                NetworkDetector::new(&model, options.sure as f32).map_err(|error| refused(&error))?;
+            Ok(Box::new(detector))
         }
         Some(other) => Err(RunError::DriverOptions {
             driver: driver.to_owned(),
@@ -226,33 +232,40 @@ pub(crate) struct Refused {
 pub(crate) fn check_options(name: &str, options: &toml::Table) -> Result<(), Refused> {
     let mut options = options.clone();
     match name {
-        "line" => read_options::<LineOptions>(&options).map(drop),
-        "lane" => read_options::<LaneOptions>(&options).map(drop),
-        "hough" => read_options::<HoughDriverOptions>(&options).map(drop),
+        "line" => read_options::<LineOptions>(&options, &[]).map(drop),
+        "lane" => read_options::<LaneOptions>(&options, &[]).map(drop),
+        "hough" => read_options::<HoughDriverOptions>(&options, &[]).map(drop),
         "neural" => {
-            for file in ["model", THROTTLE_MODEL] {
+            let files = ["model", THROTTLE_MODEL];
+            for file in files {
                 options.remove(file);
             }
-            read_options::<NeuralOptions>(&options).map(drop)
+            read_options::<NeuralOptions>(&options, &files).map(drop)
         }
         "mission" => {
             options.remove(DETECTOR);
-            read_options::<MissionOptions>(&options).map(drop)
+            read_options::<MissionOptions>(&options, &[DETECTOR]).map(drop)
         }
-        "expert" => read_options::<ExpertOptions>(&options).map(drop),
-        "human" => read_options::<HumanOptions>(&options).map(drop),
+        "expert" => read_options::<ExpertOptions>(&options, &[]).map(drop),
+        "human" => read_options::<HumanOptions>(&options, &[]).map(drop),
         _ => Ok(()),
     }
 }
 
-fn read_options<T: DeserializeOwned>(options: &toml::Table) -> Result<T, Refused> {
+/// Reads options; `taken` are the keys that were taken out before, which a complaint about an unknown one names too.
+fn read_options<T: DeserializeOwned>(options: &toml::Table, taken: &[&str]) -> Result<T, Refused> {
     options.clone().try_into().map_err(|error: toml::de::Error| {
-        let said = senda_toml::with_nearest(error.message());
         // "in `follow.kp`" is a line of its own.
         let whole = error.to_string();
         let place = whole
             .lines()
             .find_map(|line| line.strip_prefix("in `")?.strip_suffix('`'));
+        let mut message = error.message().to_owned();
+        if place.is_none() {
+            let taken: String = taken.iter().map(|key| format!("`{key}`, ")).collect();
+            message = message.replacen("expected one of `", &format!("expected one of {taken}`"), 1);
+        }
+        let said = senda_toml::with_nearest(&message);
         let unknown = said
             .strip_prefix("unknown field `")
             .and_then(|rest| rest.split('`').next());
@@ -268,7 +281,7 @@ fn read_options<T: DeserializeOwned>(options: &toml::Table) -> Result<T, Refused
 }
 
 fn parse_options<T: DeserializeOwned>(driver: &str, options: &toml::Table) -> Result<T, RunError> {
-    read_options(options).map_err(|refused| RunError::DriverOptions {
+    read_options(options, &[]).map_err(|refused| RunError::DriverOptions {
         driver: driver.to_owned(),
         reason: refused.reason,
     })

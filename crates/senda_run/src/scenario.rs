@@ -118,6 +118,31 @@ impl Scenario {
         Ok(speed.into_iter().chain(camera).collect())
     }
 
+    /// What a delivery will not do though it is asked to.
+    pub fn mission_notes(&self) -> Vec<String> {
+        /// Of narrower frames no code was read in the warehouse (measured: 240 px read, 200 px did not).
+        const CODES_WIDTH_PX: u32 = 240;
+        let mut notes = Vec::new();
+        if self.driver != "mission" {
+            return notes;
+        }
+        if let Some([width_px, _]) = self.image_px.filter(|[width_px, _]| *width_px < CODES_WIDTH_PX) {
+            notes.push(format!(
+                "frames {width_px} px wide are too small for codes to be read, {CODES_WIDTH_PX} px is the least: no package will be seen"
+            ));
+        }
+        if self.reverse {
+            notes.push("a mission knows one way round, and its signs and codes face it: with reverse it sees their backs".to_owned());
+        }
+        if self.laps > 1 {
+            notes.push(format!(
+                "a mission ends when it is back at the start: {} laps are one delivery",
+                self.laps
+            ));
+        }
+        notes
+    }
+
     /// Refuses options that the driver does not know. Where they stand in the scenario's file, its line is named.
     pub fn check_driver_options(&self, file: Option<&Path>) -> Result<(), RunError> {
         let Err(refused) = pilot::check_options(&self.driver, &self.driver_options) else {
@@ -206,7 +231,7 @@ impl Scenario {
         Ok(if self.reverse { world.reversed() } else { world })
     }
 
-    /// The driver's options; a person at the wheel is another one in every run.
+    /// The driver's options with what follows from the rest: a person at the wheel is another one in every run.
     pub fn resolve_driver_options(&self) -> toml::Table {
         let mut options = self.driver_options.clone();
         if self.driver == "human" && !options.contains_key("seed") {
@@ -215,6 +240,15 @@ impl Scenario {
                 "seed".to_owned(),
                 toml::Value::Integer((self.seed & i64::MAX as u64) as i64),
             );
+        }
+        // A mission gives up at the voltage of the battery that it has.
+        if self.driver == "mission"
+            && !options.contains_key("empty_v")
+            && let Some(battery) = find_vehicle(&self.vehicle)
+                .ok()
+                .and_then(|vehicle| vehicle.battery)
+        {
+            options.insert("empty_v".to_owned(), battery.empty_v.into());
         }
         options
     }
@@ -400,6 +434,37 @@ mod tests {
             note.contains("5 m/s") && note.contains("gopigo goes 0.40 m/s at most"),
             "{note}"
         );
+    }
+
+    #[test]
+    fn a_mission_gives_up_at_its_own_vehicles_voltage() {
+        let empty_v = |scenario: &Scenario| {
+            let options = scenario.resolve_driver_options();
+            options.get("empty_v").and_then(toml::Value::as_float)
+        };
+        let mut scenario = Scenario::new("warehouse", "warehouse-cart", "mission");
+        assert_eq!(empty_v(&scenario), Some(13.2));
+        scenario.vehicle = "gopigo".to_owned();
+        assert_eq!(empty_v(&scenario), Some(7.2));
+        scenario.driver_options.insert("empty_v".into(), 6.0.into());
+        assert_eq!(empty_v(&scenario), Some(6.0));
+        let other = Scenario::new("oval", "gopigo", "line");
+        assert_eq!(empty_v(&other), None);
+    }
+
+    #[test]
+    fn what_a_mission_does_not_do_is_said() {
+        let mut scenario = Scenario::new("warehouse", "warehouse-cart", "mission");
+        scenario.image_px = Some([320, 240]);
+        assert!(scenario.mission_notes().is_empty());
+        (scenario.image_px, scenario.reverse, scenario.laps) = (Some([160, 120]), true, 3);
+        let notes = scenario.mission_notes();
+        for (note, words) in notes.iter().zip(["160 px wide", "one way round", "3 laps"]) {
+            assert!(note.contains(words), "{notes:?}");
+        }
+        assert_eq!(notes.len(), 3);
+        scenario.driver = "expert".to_owned();
+        assert!(scenario.mission_notes().is_empty());
     }
 
     #[test]

@@ -33,7 +33,7 @@ enum Command {
         /// `.data` file of the data set
         data: PathBuf,
         /// Confidence from which a box counts for precision and recall
-        #[arg(long, value_name = "PART", default_value_t = 0.5)]
+        #[arg(long, value_name = "PART", default_value_t = 0.5, value_parser = part)]
         threshold: f32,
         /// Judge on the pictures to learn from
         #[arg(long)]
@@ -49,7 +49,7 @@ enum Command {
         /// JPEG or PNG
         picture: PathBuf,
         /// Confidence from which a box is drawn
-        #[arg(long, value_name = "PART", default_value_t = 0.5)]
+        #[arg(long, value_name = "PART", default_value_t = 0.5, value_parser = part)]
         threshold: f32,
         /// Where the picture with boxes is written (PNG)
         #[arg(short, long, value_name = "FILE")]
@@ -68,6 +68,12 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+}
+
+/// A part, 0 to 1.
+fn part(text: &str) -> Result<f32, String> {
+    let part = text.parse().ok().filter(|part| (0.0..=1.0).contains(part));
+    part.ok_or_else(|| "expected a part from 0 to 1".to_owned())
 }
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
@@ -185,6 +191,12 @@ fn print_scores(names: &[String], scores: &Scores, threshold: f32) -> Result<()>
 }
 
 fn find(model: &Path, picture: &Path, threshold: f32, out: Option<&Path>, json: bool) -> Result<()> {
+    if let Some(out) = out.filter(|out| {
+        out.extension()
+            .is_none_or(|ending| !ending.eq_ignore_ascii_case("png"))
+    }) {
+        bail!("{}: expected a name that ends in .png", out.display());
+    }
     let name = picture.display();
     let bytes = std::fs::read(picture).with_context(|| format!("cannot read {name}"))?;
     let mut image = Encoded::recognise(bytes)

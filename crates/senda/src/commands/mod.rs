@@ -35,9 +35,10 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
         .with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Warns of what the vehicle does not have; on standard error, so that results stay alone on standard output.
+/// Warns of what the vehicle does not have and of what a mission does not do; on standard error, so that results stay alone on
+/// standard output.
 pub(crate) fn warn_of(scenario: &Scenario) -> Result<()> {
-    for note in scenario.notes()? {
+    for note in scenario.notes()?.into_iter().chain(scenario.mission_notes()) {
         tell!("warning: {note}");
     }
     Ok(())

@@ -228,6 +228,9 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             json,
         } => {
             let world = find_world(&world)?;
+            if extension(&out) != "pdf" {
+                bail!("{}: expected a name that ends in .pdf", out.display());
+            }
             let pdf = draw::boards(&world, paper_named(&paper)?).with_context(|| {
                 format!(
                     "{}: expected codes, number signs or crossings that fit on {paper}, but found none, or a larger one",

@@ -46,6 +46,13 @@ pub(super) fn evaluate(
     list: &Path,
     threshold: f32,
 ) -> Result<(Vec<String>, Scores, usize, f64)> {
+    if data.names.is_none() {
+        bail!(
+            "{}: expected the key names, the file with the classes' names, but found none; without it classes are mere numbers, \
+             which the classical detector does not know",
+            file.display()
+        );
+    }
     let wanted = data.class_names(file)?;
     let known = names();
     let places: Vec<Option<usize>> = known

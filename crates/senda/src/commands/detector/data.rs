@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub(crate) struct Arguments {
-    /// Folder to write into: `set.data`, `set.names`, `train.txt`, `valid.txt` and the folders `train` and `valid`
+    /// Folder to write into: `set.data`, `set.names`, `train.txt`, `valid.txt` and the folders `train` and `valid`.
+    /// New or empty, or such a set, which is then replaced
     folder: PathBuf,
     /// Pictures to learn from
     #[arg(long, value_name = "N", default_value_t = 2000)]
@@ -40,10 +41,73 @@ fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
+/// What a set consists of; the folders hold pictures and their labels.
+const FILES: [&str; 4] = ["set.data", "set.names", "train.txt", "valid.txt"];
+const FOLDERS: [&str; 2] = ["train", "valid"];
+
+/// Names in a folder, sorted; none where there is no folder.
+fn names_in(folder: &Path) -> Result<Vec<String>> {
+    if !folder.exists() {
+        return Ok(Vec::new());
+    }
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))? {
+        names.push(entry?.file_name().to_string_lossy().into_owned());
+    }
+    names.sort();
+    Ok(names)
+}
+
+/// Refuses a folder that holds anything but a set of this command: old pictures beside new lists would mislead, and other
+/// people's files are not this command's to remove.
+fn check_folder(folder: &Path) -> Result<()> {
+    let foreign = |folder: &Path, name: &str| {
+        bail!(
+            "{}: expected a folder that is new, empty or holds a set that this command made, but found {name}",
+            folder.display()
+        )
+    };
+    for name in names_in(folder)? {
+        let place = folder.join(&name);
+        if FOLDERS.contains(&name.as_str()) && place.is_dir() {
+            for inner in names_in(&place)? {
+                let ours = inner.ends_with(".jpg") || inner.ends_with(".txt");
+                if !ours || !place.join(&inner).is_file() {
+                    return foreign(&place, &inner);
+                }
+            }
+        } else if !FILES.contains(&name.as_str()) || !place.is_file() {
+            return foreign(folder, &name);
+        }
+    }
+    Ok(())
+}
+
+/// Removes the set that [`check_folder`] found; the file that says that a set is whole goes first.
+fn remove_set(folder: &Path) -> Result<()> {
+    for name in FILES {
+        let path = folder.join(name);
+        if path.exists() {
+            std::fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
+        }
+    }
+    for name in FOLDERS {
+        let path = folder.join(name);
+        if path.exists() {
+            std::fs::remove_dir_all(&path).with_context(|| format!("cannot remove {}", path.display()))?;
+        }
+    }
+    Ok(())
+}
+
 pub(super) fn run(arguments: Arguments) -> Result<()> {
     let folder = &arguments.folder;
+    if arguments.train + arguments.valid == 0 {
+        bail!("--train, --valid: expected at least one picture, but found 0 of both");
+    }
+    check_folder(folder)?;
     let bar = terminal::bar("taking pictures");
-    let total = (arguments.train + arguments.valid).max(1);
+    let total = arguments.train + arguments.valid;
     let mut boxes = [0usize; CLASSES.len()];
     let mut taken = 0;
     for (name, count, first_world) in [
@@ -60,6 +124,9 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
         let shots = shots(&scenes, &progress, &terminal::interrupted)?;
         if terminal::interrupted() {
             bail!(terminal::Interrupted(": the data set is not whole".to_owned()));
+        }
+        if name == "train" {
+            remove_set(folder)?;
         }
         std::fs::create_dir_all(folder.join(name))
             .with_context(|| format!("cannot make folder {}", folder.join(name).display()))?;

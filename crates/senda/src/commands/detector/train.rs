@@ -26,8 +26,8 @@ pub(crate) struct Arguments {
     /// Take only so many convolutions of it: those before the classes
     #[arg(long, value_name = "N", requires = "weights")]
     convolutions: Option<usize>,
-    /// Go on from this model (fine-tuning)
-    #[arg(long, value_name = "FILE")]
+    /// Go on from this model (fine-tuning), which keeps its network and its input size
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["network", "input"])]
     from: Option<PathBuf>,
     /// Passes over the pictures
     #[arg(long, value_name = "N")]
@@ -210,6 +210,15 @@ fn begin(arguments: &Arguments, classes: &[String], seed: u64) -> Result<Model> 
         let bytes = std::fs::read(path).with_context(|| format!("cannot read {name}"))?;
         let most = arguments.convolutions.unwrap_or(usize::MAX);
         let read = DarknetWeights::from_bytes(&name, &bytes, &darknet.network, Some((&weights, most)))?;
+        if let Some(wanted) = arguments
+            .convolutions
+            .filter(|wanted| *wanted > read.convolutions)
+        {
+            bail!(
+                "--convolutions: expected at most {}, as many as the file and the network have in common, but found {wanted}",
+                read.convolutions
+            );
+        }
         tell!("{name}: {} convolutions taken", read.convolutions);
         weights = read.weights;
     }
