@@ -369,18 +369,13 @@ pub fn motions(recording: &Recording) -> Vec<Motion> {
         .steps
         .iter()
         .map(|step| {
-            let commanded_mps = body.speed_of(&step.command);
-            let yaw_rate_command_radps = body.yaw_rate_of(step.command.turn, commanded_mps);
-            Motion {
-                time_s: step.stamp.as_s(),
-                yaw_rate_command_radps,
-                speed_mps: step
-                    .truth
-                    .map(|t| t.speed_mps)
-                    .or(step.speed_mps)
-                    .unwrap_or(commanded_mps),
-                yaw_rate_radps: step.truth.map_or(yaw_rate_command_radps, |t| t.yaw_rate_radps),
-            }
+            Motion::of(
+                body,
+                step.stamp.as_s(),
+                &step.command,
+                step.truth.as_ref(),
+                step.speed_mps,
+            )
         })
         .collect()
 }

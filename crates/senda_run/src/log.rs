@@ -38,17 +38,13 @@ impl Log {
         command: &Command,
         frame_time_ns: u64,
     ) {
-        let speed_asked_mps = self.body.speed_of(command);
-        let yaw_rate_asked = self.body.yaw_rate_of(command.turn, speed_asked_mps);
-        self.motions.push(Motion {
-            time_s: seen.stamp.as_s(),
-            yaw_rate_command_radps: yaw_rate_asked,
-            speed_mps: truth
-                .map(|truth| truth.speed_mps)
-                .or(seen.speed_mps)
-                .unwrap_or(speed_asked_mps),
-            yaw_rate_radps: truth.map_or(yaw_rate_asked, |truth| truth.yaw_rate_radps),
-        });
+        self.motions.push(Motion::of(
+            &self.body,
+            seen.stamp.as_s(),
+            command,
+            truth,
+            seen.speed_mps,
+        ));
         self.truths.extend(truth);
         self.digest.step(seen.stamp, truth, command);
         self.frame_times_ns.push(frame_time_ns);

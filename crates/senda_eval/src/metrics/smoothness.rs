@@ -1,6 +1,7 @@
 //! How calmly the vehicle was driven.
 
 use crate::statistics::root_mean_square;
+use senda_core::{Body, Command, Drive, Truth};
 use serde::{Deserialize, Serialize};
 
 /// What smoothness is computed from: one row a frame.
@@ -14,6 +15,35 @@ pub struct Motion {
     pub speed_mps: f64,
     /// Yaw rate of the vehicle, true where it is known, else commanded (rad/s).
     pub yaw_rate_radps: f64,
+}
+
+impl Motion {
+    /// Of one step. A turn is asked for at the speed that is asked for; pedals ask for none, so there it is the speed that the
+    /// vehicle has.
+    pub fn of(
+        body: &Body,
+        time_s: f64,
+        command: &Command,
+        truth: Option<&Truth>,
+        measured_mps: Option<f64>,
+    ) -> Self {
+        let asked_mps = body.speed_of(command);
+        let speed_mps = truth
+            .map(|truth| truth.speed_mps)
+            .or(measured_mps)
+            .unwrap_or(asked_mps);
+        let turned_at_mps = match command.drive {
+            Drive::SpeedMps(_) => asked_mps,
+            Drive::Throttle(_) => speed_mps,
+        };
+        let asked_radps = body.yaw_rate_of(command.turn, turned_at_mps);
+        Self {
+            time_s,
+            yaw_rate_command_radps: asked_radps,
+            speed_mps,
+            yaw_rate_radps: truth.map_or(asked_radps, |truth| truth.yaw_rate_radps),
+        }
+    }
 }
 
 /// Smaller is calmer. `None` with too few frames.
@@ -75,6 +105,34 @@ pub fn smoothness(rows: &[Motion]) -> Smoothness {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use senda_core::{Steering, Turn};
+
+    /// It counted at the part of top speed that the pedal is: cars that only steer were compared with seemingly calmer ones.
+    #[test]
+    fn a_turn_by_pedals_is_one_at_the_speed_that_the_vehicle_has() {
+        let body = Body {
+            name: "car".into(),
+            steering: Steering::Differential { track_m: 1.0 },
+            width_m: 1.0,
+            length_m: 2.0,
+            speed_limit_mps: 10.0,
+            yaw_rate_limit_radps: 5.0,
+            period_s: 0.05,
+            cameras: vec![],
+        };
+        let rate = |drive, truth: Option<&Truth>, measured_mps| {
+            let turn = Turn::CurvaturePerM(0.1);
+            Motion::of(&body, 0.0, &Command { turn, drive }, truth, measured_mps).yaw_rate_command_radps
+        };
+        let truth = Truth {
+            speed_mps: 8.0,
+            ..Truth::default()
+        };
+        assert_eq!(rate(Drive::Throttle(0.05), Some(&truth), None), 0.8);
+        assert_eq!(rate(Drive::Throttle(0.05), None, Some(6.0)), 0.1 * 6.0);
+        assert_eq!(rate(Drive::Throttle(0.5), None, None), 0.5);
+        assert_eq!(rate(Drive::SpeedMps(4.0), Some(&truth), None), 0.4);
+    }
 
     fn ramp(rate_change_radps2: f64, speed_mps: f64, step_s: f64) -> Vec<Motion> {
         (0..50)
