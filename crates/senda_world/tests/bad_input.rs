@@ -219,7 +219,8 @@ fn impossible_geometry_is_an_error() {
 fn things_in_the_middle_of_the_path_are_a_warning() {
     let warned = |place: &str| -> Vec<String> {
         let text = format!(
-            "{PATH}[[things]]\nkind = \"box\"\n{place}\nlength_m = 0.1\nwidth_m = 0.2\nheight_m = 0.1\ncolour = \"red\"\n"
+            "{PATH}[[things]]\nkind = \"box\"\n{place}\nlength_m = 0.1\nwidth_m = 0.2\nheight_m = 0.1\ncolour = \"red\"\n\
+             [[markings]]\nwidth_m = 0.02\ncolour = \"black\"\n"
         );
         let (_, warnings) = World::parse("mine.toml", &text).unwrap();
         warnings.iter().map(ToString::to_string).collect()
