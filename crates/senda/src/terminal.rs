@@ -123,7 +123,7 @@ pub(crate) fn warn(warnings: &[String]) {
         tell(format!("warning: {warning}"));
     }
     if warnings.len() > SHOWN {
-        tell(format!("warning: and {} more", warnings.len() - SHOWN));
+        tell(format!("warning: {} more like these", warnings.len() - SHOWN));
     }
 }
 

@@ -131,13 +131,13 @@ impl Results {
             .map(|trained| figure.of(&trained.laps, &trained.offline))
             .collect();
         let seeds = seeds?;
-        let mut interval = mean_interval(&seeds)?;
-        if figure == Figure::Clean {
+        let over_seeds = mean_interval(&seeds)?;
+        let interval = if figure == Figure::Clean {
             let (hits, count) = self.clean_laps(row, condition);
-            let percent = |part: f64| 100.0 * part;
-            let Interval { value, low, high } = rate(hits, count).interval;
-            (interval.value, interval.low, interval.high) = (percent(value), percent(low), percent(high));
-        }
+            rate(hits, count).interval.scaled(100.0)
+        } else {
+            over_seeds
+        };
         Some(Spread { interval, seeds })
     }
 

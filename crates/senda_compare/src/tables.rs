@@ -56,12 +56,7 @@ fn claims(plan: &Plan, results: &Results) -> Part {
         let mut first = true;
         for part in &judged.parts {
             let difference = part.difference.map_or("–".into(), |interval| {
-                let percent = Interval {
-                    value: 100.0 * interval.value,
-                    low: 100.0 * interval.low,
-                    high: 100.0 * interval.high,
-                };
-                format!("{} %", with_interval(&percent, 0))
+                format!("{} %", with_interval(&interval.scaled(100.0), 0))
             });
             rows.push(vec![
                 if first { judged.says.clone() } else { String::new() },

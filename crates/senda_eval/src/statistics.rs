@@ -19,6 +19,18 @@ pub struct Interval {
     pub high: f64,
 }
 
+impl Interval {
+    /// All of it times a factor above 0, for other units.
+    #[must_use]
+    pub fn scaled(self, factor: f64) -> Self {
+        Self {
+            value: factor * self.value,
+            low: factor * self.low,
+            high: factor * self.high,
+        }
+    }
+}
+
 /// How often something happened: `hits` of `count`, with Wilson's 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Rate {

@@ -103,7 +103,8 @@ impl Scenario {
         own_file::load(path, &SCENARIO_FILE)
     }
 
-    /// What to say to whoever asks for a higher speed than the vehicle's highest, or for a camera that it plainly has not.
+    /// What to say to whoever asks for a higher speed than the vehicle's highest, for a camera that it plainly has not, or for what a
+    /// mission does not do.
     pub fn notes(&self) -> Result<Vec<String>, RunError> {
         let vehicle = find_vehicle(&self.vehicle)?;
         let most_mps = vehicle.speed_limit_mps;
@@ -115,11 +116,12 @@ impl Scenario {
             )
         });
         let camera = calibration::note(&vehicle.body(), self.calibration.as_deref())?;
-        Ok(speed.into_iter().chain(camera).collect())
+        let of_mission = self.mission_notes();
+        Ok(speed.into_iter().chain(camera).chain(of_mission).collect())
     }
 
     /// What a delivery will not do though it is asked to.
-    pub fn mission_notes(&self) -> Vec<String> {
+    fn mission_notes(&self) -> Vec<String> {
         /// Of narrower frames no code was read in the warehouse (measured: 240 px read, 200 px did not).
         const CODES_WIDTH_PX: u32 = 240;
         let mut notes = Vec::new();

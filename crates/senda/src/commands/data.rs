@@ -5,6 +5,7 @@ mod export;
 mod split;
 mod stats;
 
+use crate::terminal;
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use senda_run::scenario::find_vehicle;
@@ -89,9 +90,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                     written.steps,
                     written.duration_s
                 )?;
-                for warning in written.warnings.iter().take(10) {
-                    tell!("warning: {warning}");
-                }
+                terminal::warn(&written.warnings);
             }
             Ok(())
         }

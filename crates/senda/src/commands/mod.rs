@@ -38,7 +38,7 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
 /// Warns of what the vehicle does not have and of what a mission does not do; on standard error, so that results stay alone on
 /// standard output.
 pub(crate) fn warn_of(scenario: &Scenario) -> Result<()> {
-    for note in scenario.notes()?.into_iter().chain(scenario.mission_notes()) {
+    for note in scenario.notes()? {
         tell!("warning: {note}");
     }
     Ok(())

@@ -64,7 +64,7 @@ pub(crate) fn read_recording(path: &Path) -> Result<Recording> {
         bail!("{}: no such file", path.display());
     }
     let recording = Recording::read(path)?;
-    warn(&recording);
+    terminal::warn(&recording.warnings);
     Ok(recording)
 }
 
@@ -74,17 +74,8 @@ fn open(path: &Path, vehicle: &str) -> Result<Recording> {
         bail!("{}: no such file or folder", path.display());
     }
     let recording = senda_data::open(path, &find_vehicle(vehicle)?.body())?;
-    warn(&recording);
+    terminal::warn(&recording.warnings);
     Ok(recording)
-}
-
-fn warn(recording: &Recording) {
-    for warning in recording.warnings.iter().take(10) {
-        tell!("warning: {warning}");
-    }
-    if recording.warnings.len() > 10 {
-        tell!("warning: {} more like these", recording.warnings.len() - 10);
-    }
 }
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {

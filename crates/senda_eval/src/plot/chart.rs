@@ -37,18 +37,13 @@ impl WalkedChart {
             } else {
                 columns - 1 - place
             };
-            [column, row]
-                .map(|index| index as f64)
-                .iter()
-                .zip(size)
-                .zip(GAP_PX)
-                .map(|((index, size), gap)| 0.5 * gap + 0.5 * size + index * (size + gap))
-                .collect::<Vec<_>>()
+            let along = |index: usize, axis: usize| (index as f64 + 0.5) * (size[axis] + GAP_PX[axis]);
+            [along(column, 0), along(row, 1)]
         };
         let height_px = rows as f64 * (size[1] + GAP_PX[1]);
         let mut out = svg::open(self.width_px, height_px, &self.name, " data-chart=\"\"");
         for [from, to] in &self.transitions {
-            out += &arrow(&middle(*from), &middle(*to), size, from + 1 == *to);
+            out += &arrow(middle(*from), middle(*to), size, from + 1 == *to);
         }
         for (step, (name, spans)) in self.steps.iter().enumerate() {
             let centre = middle(step);
@@ -75,7 +70,7 @@ impl WalkedChart {
 }
 
 /// From box to box: straight to the next one, else in a bow that passes beside what lies between.
-fn arrow(from: &[f64], to: &[f64], size: [f64; 2], is_next: bool) -> String {
+fn arrow(from: [f64; 2], to: [f64; 2], size: [f64; 2], is_next: bool) -> String {
     let along = [to[0] - from[0], to[1] - from[1]];
     let bow = if is_next { 0.0 } else { 0.18 };
     let over = [
@@ -105,7 +100,7 @@ fn arrow(from: &[f64], to: &[f64], size: [f64; 2], is_next: bool) -> String {
 }
 
 /// Where the way from a box's middle towards a place leaves it.
-fn edge(middle: &[f64], towards: [f64; 2], size: [f64; 2]) -> [f64; 2] {
+fn edge(middle: [f64; 2], towards: [f64; 2], size: [f64; 2]) -> [f64; 2] {
     let way = [towards[0] - middle[0], towards[1] - middle[1]];
     let part = (0.5 * size[0] / way[0].abs().max(1e-9)).min(0.5 * size[1] / way[1].abs().max(1e-9));
     [middle[0] + part * way[0], middle[1] + part * way[1]]
@@ -129,8 +124,8 @@ mod tests {
         assert_eq!(svg.matches("data-spans=\"0.00,4.00 6.00,9.50\"").count(), 5);
         assert_eq!(svg.matches("<rect").count(), 5);
         assert!(svg.contains("&lt;go&gt;") && !svg.contains("NaN"));
-        assert_eq!(edge(&[0.0, 0.0], [10.0, 0.0], [8.0, 4.0]), [4.0, 0.0]);
-        assert_eq!(edge(&[0.0, 0.0], [0.0, -9.0], [8.0, 4.0]), [0.0, -2.0]);
+        assert_eq!(edge([0.0, 0.0], [10.0, 0.0], [8.0, 4.0]), [4.0, 0.0]);
+        assert_eq!(edge([0.0, 0.0], [0.0, -9.0], [8.0, 4.0]), [0.0, -2.0]);
     }
 
     #[test]

@@ -77,7 +77,7 @@ pub struct SweepTable {
 }
 
 /// Resamples of a bootstrap: enough for two digits of an interval.
-const RESAMPLES: usize = 1000;
+pub(super) const RESAMPLES: usize = 1000;
 
 /// A property of a run as its value in words.
 type Property = fn(&SweepRun, &Summary) -> String;

@@ -1,7 +1,7 @@
 //! Deliveries in a sweep: what became of the packages instead of lane errors, which say nothing on streets that branch.
 
 use super::page::{Card, Row, Table};
-use super::sweep::{SweepRow, SweepTable, percent_range};
+use super::sweep::{RESAMPLES, SweepRow, SweepTable, percent_range};
 use crate::delivery::Stop;
 use crate::statistics::{Interval, Rate, bootstrap_mean, mean, rate};
 use crate::{Delivery, text};
@@ -31,8 +31,6 @@ pub struct DeliveryRow {
     /// Mean time of a run (s).
     pub time_s: Option<f64>,
 }
-
-const RESAMPLES: usize = 1000;
 
 impl DeliveryRow {
     /// `None` without deliveries.
