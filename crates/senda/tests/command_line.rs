@@ -647,7 +647,8 @@ fn every_ready_vehicle_near_the_floor_can_be_calibrated() {
 /// The command's delay was not the study's own, and none of the document's findings (C13) showed.
 #[test]
 fn the_study_shows_by_itself_what_the_document_found() {
-    let traces = json(&["study", "follow", "--json"]);
+    let found = json(&["study", "follow", "--json"]);
+    let traces = &found["traces"];
     let verdicts = |kp: f64, look_ahead_m: f64| -> Vec<String> {
         let of = traces
             .as_array()
@@ -671,6 +672,9 @@ fn the_study_shows_by_itself_what_the_document_found() {
         .and_then(|line| line.trim_end_matches('.').rsplit(' ').next()?.parse().ok())
         .unwrap();
     assert!((gain - 2.5).abs() < 0.1, "{told}");
+    let limits = found["limits"].as_array().unwrap();
+    let limit = limits.iter().find(|limit| limit["look_ahead_m"] == 0.4).unwrap();
+    assert!((limit["stable_kp_per_s"][1].as_f64().unwrap() - gain).abs() < 0.01);
 }
 
 #[test]
@@ -698,8 +702,11 @@ fn the_study_says_what_it_calls_settled_and_where_it_rests() {
         std::fs::read_to_string(&report)
             .unwrap()
             .contains("within 1 cm of where the course rests")
+            && std::fs::read_to_string(&report)
+                .unwrap()
+                .contains("small errors grow above Kp")
     );
-    let trace = json(&[&biased[..], &["--json"]].concat())[0].clone();
+    let trace = json(&[&biased[..], &["--json"]].concat())["traces"][0].clone();
     assert_eq!(
         (&trace["verdict"], &trace["settled_d_m"]),
         (&"beside".into(), &0.01.into())

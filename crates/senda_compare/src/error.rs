@@ -27,9 +27,9 @@ pub enum CompareError {
         /// The known names.
         known: String,
     },
-    /// A folder holds another comparison.
+    /// Folders to be joined hold different comparisons.
     #[error(
-        "{}: expected the plan of this comparison, but found another one; choose another folder with --folder",
+        "{}: expected the plan of the first folder, but found another one; name only parts of one comparison",
         path.display()
     )]
     OtherPlan {
@@ -59,6 +59,64 @@ pub enum CompareError {
         path: PathBuf,
         /// What is wrong with it.
         reason: String,
+    },
+    /// A lap to learn from was not driven whole.
+    #[error(
+        "expected a whole lap of {world:?} to learn from, but {driver:?} did not drive it to its end ({ended}); take another world, \
+         driver or speed_mps"
+    )]
+    Lap {
+        /// The world.
+        world: String,
+        /// Who drove.
+        driver: String,
+        /// How it ended.
+        ended: &'static str,
+    },
+    /// No such vehicle drives so fast.
+    #[error("{key}: expected at most {most_mps} m/s, as fast as {vehicle:?} is, but found {found_mps}")]
+    Speed {
+        /// Which key of the plan.
+        key: String,
+        /// Its value (m/s).
+        found_mps: f64,
+        /// The vehicle.
+        vehicle: String,
+        /// Its top speed (m/s).
+        most_mps: f64,
+    },
+    /// A world that judges was learned from.
+    #[error(
+        "{key}: expected worlds that nothing was learned from or tuned on, but {world:?} is the same world as {learned:?}; take \
+         another one, or another seed of a random one"
+    )]
+    Seen {
+        /// Which list of the plan.
+        key: &'static str,
+        /// The world that judges.
+        world: String,
+        /// The one that was learned from.
+        learned: String,
+    },
+    /// A folder is another one's place of work at this moment.
+    #[error(
+        "{}: another `senda compare` works in this folder; wait for it, or give each part a folder of its own with --folder",
+        folder.display()
+    )]
+    Busy {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// What is to be joined is no comparison's folder.
+    #[error(
+        "{}: expected the folder of a comparison, with its plan ({source}); name folders that `senda compare --shard` made",
+        path.display()
+    )]
+    NoFolder {
+        /// What was named.
+        path: PathBuf,
+        /// What the system said of its plan.
+        source: std::io::Error,
     },
     /// A row's network and treatment do not fit each other.
     #[error("row {row}: {reason}")]

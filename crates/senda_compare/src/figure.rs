@@ -2,7 +2,7 @@
 
 use crate::work::Offline;
 use senda_eval::Summary;
-use senda_eval::statistics::mean;
+use senda_eval::statistics::{Interval, mean};
 use serde::Serialize;
 
 /// A figure of a row trained with one seed. Smaller is better, but for those that say otherwise.
@@ -130,6 +130,22 @@ impl Figure {
             self,
             Self::Autonomy | Self::Clean | Self::Driven | Self::FirstDeparture
         )
+    }
+
+    /// An interval without what the figure cannot be: none is below 0, no part above 100 %. One without ends stays so.
+    pub fn possible(self, interval: Interval) -> Interval {
+        let is_part = matches!(self, Self::Autonomy | Self::Clean | Self::Driven);
+        let most = if is_part { 100.0 } else { f64::INFINITY };
+        if interval.low.is_finite() {
+            let (low, high) = (interval.low.max(0.0), interval.high.min(most));
+            Interval {
+                low,
+                high,
+                ..interval
+            }
+        } else {
+            interval
+        }
     }
 
     /// Its value for one lap; `None` where a lap has none.

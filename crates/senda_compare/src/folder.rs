@@ -7,10 +7,13 @@ use crate::results::Results;
 use crate::work::{Crew, Done, Shop, write};
 use crate::{CompareError, tables};
 use senda_eval::report::Part;
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
 /// The plan as it was resolved.
 const PLAN: &str = "plan.toml";
+/// Held by the process that works in the folder.
+const LOCK: &str = ".lock";
 /// Which part of the jobs a folder was made for: `2/4`.
 const PART: &str = "part.txt";
 
@@ -82,11 +85,19 @@ impl Comparison {
         })
     }
 
-    /// Makes the folder, and writes the resolved plan.
-    fn begin(&self) -> Result<(), CompareError> {
+    /// Makes the folder, and writes the resolved plan. The folder is this process's alone as long as the lock lives.
+    fn begin(&self) -> Result<File, CompareError> {
         let folder = &self.folder;
         std::fs::create_dir_all(folder).map_err(|source| CompareError::io(folder, source))?;
-        write(&folder.join(PLAN), self.plan.to_toml().as_bytes())
+        let path = folder.join(LOCK);
+        let lock = File::create(&path).map_err(|source| CompareError::io(&path, source))?;
+        if let Err(TryLockError::WouldBlock) = lock.try_lock() {
+            return Err(CompareError::Busy {
+                folder: folder.clone(),
+            });
+        }
+        write(&folder.join(PLAN), self.plan.to_toml().as_bytes())?;
+        Ok(lock)
     }
 
     /// The plan.
@@ -121,7 +132,7 @@ impl Comparison {
 
     /// Does what is missing of a part. What is done stays, whatever happens.
     pub fn work(&self, part: PartOf, crew: &Crew) -> Result<Done, CompareError> {
-        self.begin()?;
+        let _lock = self.begin()?;
         if part.count > 1 {
             write(&self.folder.join(PART), format!("{part}\n").as_bytes())?;
         }
@@ -151,6 +162,7 @@ impl Comparison {
 
     /// One lap of every row with pictures, and all plots. `None` when somebody interrupted.
     pub fn plots(&self, results: &Results, crew: &Crew) -> Result<Option<(Laps, Vec<Part>)>, CompareError> {
+        let _lock = self.begin()?;
         let shop = self.shop();
         if shop.work(&shop.needed_for_plots(), crew)?.interrupted {
             return Ok(None);
@@ -167,13 +179,14 @@ impl Comparison {
 /// Joins the folders of parts in one. The same part given twice changes nothing; what is missing is named with the command that makes
 /// it.
 pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Comparison, CompareError> {
-    let read =
-        |path: PathBuf| std::fs::read_to_string(&path).map_err(|source| CompareError::io(&path, source));
     let mut plan: Option<(Plan, String)> = None;
     let mut given: Vec<PartOf> = Vec::new();
     for folder in folders {
         let path = folder.join(PLAN);
-        let text = read(path.clone())?;
+        let text = std::fs::read_to_string(&path).map_err(|source| CompareError::NoFolder {
+            path: folder.clone(),
+            source,
+        })?;
         match &plan {
             None => plan = Some((Plan::parse(&path.display().to_string(), &text)?, text)),
             Some((_, first)) if *first != text => return Err(CompareError::OtherPlan { path }),
@@ -181,7 +194,8 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Comparison, CompareError
         }
         let path = folder.join(PART);
         if path.is_file() {
-            given.push(read(path)?.parse()?);
+            let text = std::fs::read_to_string(&path).map_err(|source| CompareError::io(&path, source))?;
+            given.push(text.parse()?);
         }
     }
     let Some((plan, _)) = plan else {
@@ -192,7 +206,7 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Comparison, CompareError
         });
     };
     let whole = Comparison::open(plan, out)?;
-    whole.begin()?;
+    let _lock = whole.begin()?;
     let shop = whole.shop();
     for folder in folders {
         for task in whole.wanted(PartOf::WHOLE) {

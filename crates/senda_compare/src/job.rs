@@ -4,12 +4,14 @@ use crate::CompareError;
 use crate::plan::{Condition, Control, Plan, Purpose, Row};
 use senda_drivers::Answer;
 use senda_learn::Training;
+use senda_learn::beginning::frozen_layers;
 use senda_learn::gather::Selection;
 use senda_nets::{Edges, InputSpec, Network, View};
 use senda_run::Scenario;
 use senda_run::scenario::{StartOffset, find_vehicle, find_world};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 /// What is to be done.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,6 +45,8 @@ pub(crate) struct Lesson {
     pub(crate) answers: Vec<Answer>,
     pub(crate) training: Training,
     pub(crate) worlds: Vec<String>,
+    /// Weights to begin with.
+    pub(crate) from: Option<PathBuf>,
 }
 
 /// Models (the first needs) and for each the preparations of training and held-out laps.
@@ -155,9 +159,17 @@ pub(crate) fn part_of(identity: &str, seed: u64, count: u64) -> u64 {
 struct Builder {
     tasks: Vec<Task>,
     by_key: BTreeMap<String, usize>,
-    /// Lengths (m) and descriptions of worlds.
-    worlds: BTreeMap<String, (f64, String)>,
+    worlds: BTreeMap<String, KnownWorld>,
     vehicle: String,
+}
+
+/// What jobs need of a world.
+#[derive(Clone)]
+struct KnownWorld {
+    length_m: f64,
+    toml: String,
+    /// As TOML without name and description: equal for the same world under another name.
+    content: String,
 }
 
 impl Builder {
@@ -188,14 +200,44 @@ impl Builder {
         index
     }
 
-    fn world(&mut self, name: &str) -> Result<(f64, String), CompareError> {
+    fn world(&mut self, name: &str) -> Result<KnownWorld, CompareError> {
         if let Some(known) = self.worlds.get(name) {
             return Ok(known.clone());
         }
-        let world = find_world(name)?;
-        let known = (world.path.length_m(), world.to_toml());
+        let mut world = find_world(name)?;
+        let toml = world.to_toml();
+        world.name.clear();
+        world.description.clear();
+        let known = KnownWorld {
+            length_m: world.path.length_m(),
+            toml,
+            content: world.to_toml(),
+        };
         self.worlds.insert(name.to_owned(), known.clone());
         Ok(known)
+    }
+
+    /// Refuses worlds that judge and were learned from or tuned on, whatever they are called.
+    fn refuse_seen(&mut self, plan: &Plan) -> Result<(), CompareError> {
+        let judges = [
+            ("[data] held_out", &plan.data.held_out),
+            ("[judging] worlds", &plan.judging.worlds),
+        ];
+        for learned in plan.data.training.iter().chain(&plan.data.tuning) {
+            let content = self.world(learned)?.content;
+            for (key, worlds) in judges {
+                for world in worlds {
+                    if self.world(world)?.content == content {
+                        return Err(CompareError::Seen {
+                            key,
+                            world: world.clone(),
+                            learned: learned.clone(),
+                        });
+                    }
+                }
+            }
+        }
+        Ok(())
     }
 
     /// A lap's key holds the content of world and vehicle, not their names.
@@ -207,7 +249,7 @@ impl Builder {
         cost_s: f64,
         title: String,
     ) -> Result<usize, CompareError> {
-        let (_, world) = self.world(&scenario.world)?;
+        let world = self.world(&scenario.world)?.toml;
         let what = format!("{}\n{}\n{world}", scenario.to_toml(), self.vehicle);
         let work = Box::new(scenario.clone());
         let work = match kind {
@@ -221,12 +263,15 @@ impl Builder {
 impl Jobs {
     /// The jobs of a plan.
     pub(crate) fn of(plan: &Plan) -> Result<Self, CompareError> {
+        let vehicle = find_vehicle(&plan.vehicle)?;
+        check_speeds(plan, vehicle.speed_limit_mps)?;
         let mut builder = Builder {
             tasks: Vec::new(),
             by_key: BTreeMap::new(),
             worlds: BTreeMap::new(),
-            vehicle: find_vehicle(&plan.vehicle).map_err(CompareError::from)?.to_toml(),
+            vehicle: vehicle.to_toml(),
         };
+        builder.refuse_seen(plan)?;
         let mut recordings: BTreeMap<Purpose, Vec<usize>> = BTreeMap::new();
         for purpose in [Purpose::Training, Purpose::Tuning, Purpose::HeldOut] {
             for (world, seed) in plan.data.takes(purpose) {
@@ -284,6 +329,24 @@ impl Unit {
         all.push(self.offline);
         all.extend(self.laps.iter().flat_map(|(_, laps)| laps));
         all
+    }
+}
+
+/// Refuses speeds that the vehicle cannot drive, before anything is recorded.
+fn check_speeds(plan: &Plan, most_mps: f64) -> Result<(), CompareError> {
+    let of_conditions = plan.conditions.iter().filter_map(|condition| {
+        let key = format!("speed_mps of condition {:?}", condition.name);
+        Some((key, condition.speed_mps?))
+    });
+    let mut speeds = std::iter::once(("speed_mps".to_owned(), plan.speed_mps)).chain(of_conditions);
+    match speeds.find(|(_, speed_mps)| *speed_mps > most_mps) {
+        None => Ok(()),
+        Some((key, found_mps)) => Err(CompareError::Speed {
+            key,
+            found_mps,
+            vehicle: plan.vehicle.clone(),
+            most_mps,
+        }),
     }
 }
 
@@ -351,8 +414,25 @@ fn unit(
         let training = row.training(&plan.lesson, &network, seed);
         let frames = 3.0 * LAP_FRAMES * plan.data.training.len() as f64 * f64::from(training.epochs);
         let cost_s = frames * (TRAIN_S_PER_FRAME + TRAIN_S_PER_MULTIPLY_ADD * network.multiply_adds() as f64);
-        let what = json(&(network.to_toml(), &input, &answers, &training));
+        let mut what = json(&(network.to_toml(), &input, &answers, &training));
+        match &row.from {
+            Some(from) => {
+                let bytes = std::fs::read(from).map_err(|source| CompareError::io(from, source))?;
+                let hash = Sha256::digest(&bytes);
+                what.extend(hash.iter().map(|byte| format!("{byte:02x}")));
+            }
+            None if frozen_layers(&network) > 0 => {
+                return Err(wrong(format!(
+                    "expected weights for the {} layers of {} that are not trained, but found none; name a file that holds them with \
+                     `from = \"FILE\"`",
+                    frozen_layers(&network),
+                    network.name()
+                )));
+            }
+            None => {}
+        }
         let lesson = Lesson {
+            from: row.from.clone(),
             network,
             input,
             answers,
@@ -424,7 +504,7 @@ fn lap_scenarios(
     let speed_mps = condition.speed_mps.unwrap_or(plan.speed_mps);
     let mut laps = Vec::new();
     for world in &plan.judging.worlds {
-        let (length_m, _) = builder.world(world)?;
+        let length_m = builder.world(world)?.length_m;
         for (number, part) in plan.judging.starts.iter().enumerate() {
             let patient_s = plan.judging.patience * length_m / speed_mps + 20.0;
             laps.push(Scenario {

@@ -6,7 +6,7 @@ use senda_drivers::Answer;
 use senda_learn::Training;
 use senda_nets::{Colour, Crop};
 use serde::Serialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A whole comparison. The resolved copy lies in its folder.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -173,6 +173,12 @@ pub struct Row {
     /// Another sequence than the plan's; 1: without memory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sequence: Option<usize>,
+    /// Whether a quick comparison keeps it; all rows are kept where none is marked.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub quick: bool,
+    /// File with weights that the training begins with: layers that are not trained must find theirs in it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub from: Option<PathBuf>,
     /// What is cut off the frame.
     #[serde(skip_serializing_if = "is_whole")]
     pub crop: Crop,
@@ -267,7 +273,7 @@ pub struct Condition {
     /// Another speed than the plan's (m/s).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_mps: Option<f64>,
-    /// Identities of the rows that drive under it; empty: all.
+    /// Identities of the rows that drive under it; empty: all, as under the first one, which makes the tables.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub rows: Vec<String>,
 }
@@ -366,20 +372,17 @@ impl Plan {
         toml::to_string(self).unwrap_or_default()
     }
 
-    /// A smaller comparison with the same rules, for a first look: a few rows, two seeds, one lap, fewer epochs, less data. Rows
-    /// that were added by hand stay.
+    /// A smaller comparison with the same rules, for a first look: the rows that are marked, two seeds, one lap, fewer epochs, less
+    /// data. The baseline and rows that were added by hand (`kept`, identities) stay.
     pub fn quick(&mut self, kept: &[String]) {
-        let wanted = [
-            "TinyPilotNet/steering",
-            "RGB/steering",
-            "LSTM/steering",
-            "LSTM length one/steering",
-            "TinyPilotNet/one-network",
-        ];
-        self.rows.retain(|row| {
-            let identity = row.identity();
-            wanted.contains(&identity.as_str()) || kept.contains(&identity)
-        });
+        if self.rows.iter().any(|row| row.quick) {
+            let marked: Vec<Control> = self.rows.iter().filter(|r| r.quick).map(|r| r.control).collect();
+            let baseline = &self.baseline;
+            self.rows.retain(|row| {
+                let measured_against = row.name == *baseline && marked.contains(&row.control);
+                row.quick || measured_against || kept.contains(&row.identity())
+            });
+        }
         self.seeds = self.seeds.min(2);
         self.data.training.truncate(2);
         self.data.tuning.truncate(1);
@@ -393,13 +396,20 @@ impl Plan {
         }
         let there: Vec<String> = self.rows.iter().map(Row::identity).collect();
         let is_there = |names: &[String]| names.iter().all(|name| there.contains(name));
-        for condition in &mut self.conditions {
+        self.conditions.retain_mut(|condition| {
+            let all = condition.rows.is_empty();
             condition.rows.retain(|name| there.contains(name));
-        }
+            // No rows would mean all of them.
+            all || !condition.rows.is_empty()
+        });
+        let conditions: Vec<&str> = self.conditions.iter().map(|c| c.name.as_str()).collect();
         for claim in &mut self.claims {
-            claim
-                .parts
-                .retain(|part| is_there(&part.rows) && is_there(&part.than));
+            claim.parts.retain(|part| {
+                let condition = part.condition.as_deref();
+                is_there(&part.rows)
+                    && is_there(&part.than)
+                    && condition.is_none_or(|name| conditions.contains(&name))
+            });
         }
         self.claims.retain(|claim| !claim.parts.is_empty());
     }

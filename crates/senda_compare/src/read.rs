@@ -6,6 +6,7 @@ use crate::plan::{
 use crate::{CompareError, Figure};
 use senda_nets::{Colour, Crop};
 use senda_toml::nearest_names;
+use std::path::{Path, PathBuf};
 
 type Source<'a> = senda_toml::Source<'a, CompareError>;
 type Table<'a> = senda_toml::Table<'a, CompareError>;
@@ -31,7 +32,7 @@ pub(crate) fn plan(source_name: &str, text: &str) -> Result<Plan, CompareError> 
     };
     let data = data(file.required_table("data")?)?;
     let lesson = lesson(file.required_table("training")?)?;
-    let judging = judging(file.required_table("judging")?)?;
+    let judging = judging(file.required_table("judging")?, &data)?;
     let row_tables = file.tables_at_most("row", MOST_ROWS)?;
     if row_tables.is_empty() {
         return Err(file.problem("row", "at least one row", "none", "write [[row]]"));
@@ -44,7 +45,8 @@ pub(crate) fn plan(source_name: &str, text: &str) -> Result<Plan, CompareError> 
     let identities: Vec<String> = rows.iter().map(Row::identity).collect();
     let mut conditions = Vec::new();
     for table in file.tables_at_most("condition", 20)? {
-        conditions.push(condition(table, &identities)?);
+        let condition = condition(table, &identities, &conditions)?;
+        conditions.push(condition);
     }
     if conditions.is_empty() {
         conditions.push(Condition {
@@ -131,17 +133,23 @@ fn data(mut table: Table) -> Result<Data, CompareError> {
         time_limit_s: table.optional_f64("time_limit_s", 0.1, 1e6)?,
     };
     table.finish()?;
-    for world in &data.held_out {
-        if data.training.contains(world) || data.tuning.contains(world) {
-            return Err(table.problem(
-                "held_out",
-                "worlds that are neither learned from nor tuned on",
-                format!("{world:?}"),
-                "take another world, or another seed of a random one",
-            ));
-        }
-    }
+    unseen(&table, "held_out", &data.held_out, &data)?;
     Ok(data)
+}
+
+/// Refuses worlds that were learned from or tuned on. Only names are compared here, so that the error has a line; their content
+/// is when the worlds are read.
+fn unseen(table: &Table, key: &str, worlds: &[String], data: &Data) -> Result<(), CompareError> {
+    let seen = |world: &&String| data.training.contains(world) || data.tuning.contains(world);
+    match worlds.iter().find(seen) {
+        None => Ok(()),
+        Some(world) => Err(table.problem(
+            key,
+            "worlds that are neither learned from nor tuned on",
+            format!("{world:?}"),
+            "take another world, or another seed of a random one",
+        )),
+    }
 }
 
 fn lesson(mut table: Table) -> Result<LessonPlan, CompareError> {
@@ -159,7 +167,7 @@ fn lesson(mut table: Table) -> Result<LessonPlan, CompareError> {
     Ok(lesson)
 }
 
-fn judging(mut table: Table) -> Result<Judging, CompareError> {
+fn judging(mut table: Table, data: &Data) -> Result<Judging, CompareError> {
     let judging = Judging {
         worlds: worlds(&mut table, "worlds", false)?,
         starts: table
@@ -172,6 +180,7 @@ fn judging(mut table: Table) -> Result<Judging, CompareError> {
         return Err(table.problem("starts", "at least one start", "none", "0 is the world's own"));
     }
     table.finish()?;
+    unseen(&table, "worlds", &judging.worlds, data)?;
     Ok(judging)
 }
 
@@ -231,6 +240,17 @@ fn row(mut table: Table, is_known: &dyn Fn(&str) -> bool) -> Result<Row, Compare
             crop
         }
     };
+    let from = table.optional_string("from")?;
+    if let Some(from) = &from
+        && !Path::new(from).is_file()
+    {
+        return Err(table.problem(
+            "from",
+            "a file with weights (a model, safetensors or ONNX)",
+            format!("{from:?}"),
+            "there is no such file",
+        ));
+    }
     let row = Row {
         name,
         network,
@@ -238,6 +258,8 @@ fn row(mut table: Table, is_known: &dyn Fn(&str) -> bool) -> Result<Row, Compare
         colour,
         crop,
         edges: table.bool("edges", false)?,
+        quick: table.bool("quick", false)?,
+        from: from.map(PathBuf::from),
         stack: table.optional_whole("stack", 1, 16)?,
         epochs: table
             .optional_whole("epochs", 1, 100_000)?
@@ -288,10 +310,18 @@ fn listed(table: &mut Table, key: &'static str, identities: &[String]) -> Result
     }
 }
 
-fn condition(mut table: Table, identities: &[String]) -> Result<Condition, CompareError> {
+fn condition(
+    mut table: Table,
+    identities: &[String],
+    before: &[Condition],
+) -> Result<Condition, CompareError> {
     let Some(name) = table.optional_string("name")? else {
         return Err(table.missing("name", "a name in quotes"));
     };
+    if before.iter().any(|condition| condition.name == name) {
+        let found = format!("{name:?} a second time");
+        return Err(table.problem("name", "a name that no other condition has", found, ""));
+    }
     let condition = Condition {
         name,
         latency_s: table.f64("latency_s", 0.0, 10.0, 0.0)?,
@@ -300,6 +330,15 @@ fn condition(mut table: Table, identities: &[String]) -> Result<Condition, Compa
         rows: listed(&mut table, "rows", identities)?,
     };
     table.finish()?;
+    if before.is_empty() && !condition.rows.is_empty() {
+        let help = "put a condition without `rows` before it";
+        return Err(table.problem(
+            "rows",
+            "all rows under the first condition: it makes the tables",
+            "some",
+            help,
+        ));
+    }
     Ok(condition)
 }
 

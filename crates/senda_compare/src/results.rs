@@ -136,7 +136,7 @@ impl Results {
             let (hits, count) = self.clean_laps(row, condition);
             rate(hits, count).interval.scaled(100.0)
         } else {
-            over_seeds
+            figure.possible(over_seeds)
         };
         Some(Spread { interval, seeds })
     }

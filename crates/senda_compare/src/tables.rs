@@ -137,7 +137,8 @@ fn seeds_words(plan: &Plan) -> String {
     format!(
         "Means over {} training seeds of the mean over {laps} ({}, from {} of the lap), with Student's 95 % interval over the seeds; laps on the \
 road: Wilson's interval over all laps, which takes laps of one network as independent. A car that stands still leaves no road and turns no wheel: \
-autonomy, unsteadiness and first departure are to be read beside the part of the lap that was driven.",
+autonomy, unsteadiness and first departure are to be read beside the part of the lap that was driven. A lap without a departure counts with its \
+own length, so a fast car that never leaves has less of it than a slow one. Intervals end where a figure does.",
         plan.seeds,
         plan.judging.worlds.join(" and "),
         plan.judging

@@ -5,10 +5,11 @@ use crate::job::{Jobs, Judgement, Lesson, Preparation, Task, Work};
 use crate::plan::Plan;
 use senda_core::whole_file;
 use senda_eval::Summary;
+use senda_learn::beginning::begin;
 use senda_learn::train::{self, News};
 use senda_learn::{Answers, Samples};
 use senda_learn::{gather, offline};
-use senda_nets::{Model, Provenance, Weights};
+use senda_nets::{Model, Provenance};
 use senda_run::scenario::find_vehicle;
 use senda_run::{Ears, Scenario, drive};
 use serde::{Deserialize, Serialize};
@@ -297,6 +298,9 @@ impl Shop<'_> {
                 Ok(true)
             }
             Work::Drive(scenario) => {
+                for model in &task.needs {
+                    self.model(*model)?;
+                }
                 let scenario = self.with_models(scenario, &task.needs);
                 let outcome = drive::in_memory(&scenario, &mut ears)?;
                 if outcome.ending == drive::Ending::Interrupted {
@@ -329,7 +333,25 @@ impl Shop<'_> {
             &preparation.selection,
             &mut |_, _| {},
         )?;
+        if let Some(reason) = data.damage {
+            // Laps were written whole: what is damaged now would give other tables.
+            let damaged = recordings
+                .iter()
+                .find(|path| reason.starts_with(&path.display().to_string()));
+            return Err(CompareError::Result {
+                path: damaged.unwrap_or(&recordings[0]).clone(),
+                reason: format!("it was damaged since ({reason})"),
+            });
+        }
         Ok(data.samples.save(path)?)
+    }
+
+    fn model(&self, task: usize) -> Result<Model, CompareError> {
+        let path = self.path(task);
+        Model::load(&path).map_err(|error| CompareError::Result {
+            reason: format!("the model cannot be read: {error}"),
+            path,
+        })
     }
 
     pub(crate) fn samples(&self, task: usize) -> Result<Samples, CompareError> {
@@ -352,7 +374,8 @@ impl Shop<'_> {
         let answers = Answers::of(&lesson.answers);
         let options = &lesson.training;
         let checkpoint = path.with_extension("checkpoint");
-        let weights = Weights::initialised(&lesson.network, options.initialisation, options.seed);
+        let from = lesson.from.as_deref();
+        let (weights, _) = begin(&lesson.network, options, options.seed, from)?;
         let lesson_of = train::Lesson {
             network: &lesson.network,
             input: &lesson.input,
@@ -406,7 +429,7 @@ impl Shop<'_> {
         let (models, sets) = needs.split_at(judgement.models);
         let mut answers = Vec::new();
         for (model, sets) in models.iter().zip(sets.chunks(2)) {
-            let model = Model::load(&self.path(*model))?;
+            let model = self.model(*model)?;
             let learned = self.samples(sets[0])?;
             let training = offline::against_samples(&model, &centre(&learned));
             let held_out = offline::against_samples(&model, &self.samples(sets[1])?);
@@ -434,12 +457,34 @@ fn record(scenario: &Scenario, path: &Path, ears: &mut Ears) -> Result<bool, Com
     let partial = path.with_extension("unfinished");
     let file = File::create(&partial).map_err(|source| CompareError::io(&partial, source))?;
     let outcome = drive::run(scenario, Some(file), ears);
-    let is_whole = matches!(&outcome, Ok((outcome, _)) if outcome.ending != drive::Ending::Interrupted);
+    let ended = match &outcome {
+        Ok((outcome, _)) => Some(outcome.ending),
+        Err(_) => None,
+    };
+    let is_whole = match ended {
+        Some(drive::Ending::Finished) => true,
+        // Somebody wanted so much of it.
+        Some(drive::Ending::TimeOut) => scenario.time_limit_s.is_some(),
+        _ => false,
+    };
     if !is_whole {
         // Half a lap is of no use; failing to remove it changes nothing.
         let _ = std::fs::remove_file(&partial);
-        return outcome.map(|_| false).map_err(CompareError::from);
     }
+    match ended {
+        None | Some(drive::Ending::Interrupted) => return outcome.map(|_| false).map_err(CompareError::from),
+        Some(ending) if !is_whole => {
+            return Err(CompareError::Lap {
+                world: scenario.world.clone(),
+                driver: scenario.driver.clone(),
+                ended: ending.words(),
+            });
+        }
+        Some(_) => {}
+    }
+    // What stands under its name must be whole even after a loss of power.
+    let synced = File::open(&partial).and_then(|file| file.sync_all());
+    synced.map_err(|source| CompareError::io(&partial, source))?;
     std::fs::rename(&partial, path).map_err(|source| CompareError::io(path, source))?;
     Ok(true)
 }

@@ -236,6 +236,29 @@ fn the_document_s_plan_holds_its_rows_and_claims() {
 }
 
 #[test]
+fn a_quick_plan_keeps_marked_rows_and_drops_conditions_without_rows() {
+    let mut plan = Plan::preset("document-b").unwrap();
+    let baseline = plan.baseline.clone();
+    for row in &mut plan.rows {
+        row.quick = row.identity() == "RGB/steering";
+    }
+    plan.conditions.truncate(2);
+    plan.conditions[1].rows = vec!["LSTM/steering".into()];
+    plan.quick(&["HD/steering".into()]);
+    let names: Vec<&str> = plan.rows.iter().map(|row| row.name.as_str()).collect();
+    assert_eq!(names, [baseline.as_str(), "HD", "RGB"]);
+    assert_eq!(plan.conditions.len(), 1);
+    assert_eq!(Plan::parse("quick.toml", &plan.to_toml()).unwrap(), plan);
+
+    let mut plan = Plan::preset("document-b").unwrap();
+    for row in &mut plan.rows {
+        row.quick = false;
+    }
+    plan.quick(&[]);
+    assert_eq!(plan.rows.len(), 22);
+}
+
+#[test]
 fn bad_plans_are_refused_at_their_line() {
     let folder = tempfile::tempdir().unwrap();
     let good = plan(folder.path()).to_toml();
@@ -272,6 +295,22 @@ fn bad_plans_are_refused_at_their_line() {
         ),
         ("name = \"saturation\"", "name = \"grey\"", "a second time"),
         ("latency_s = 0.1", "latency_s = -1", "latency_s"),
+        ("name = \"late\"", "name = \"as it is\"", "no other condition"),
+        (
+            "name = \"as it is\"",
+            "name = \"as it is\"\nrows = [\"grey/steering\"]",
+            "makes the tables",
+        ),
+        (
+            "worlds = [\"s-curves-lane\"]",
+            "worlds = [\"oval-lane\"]",
+            "neither learned from nor tuned on",
+        ),
+        (
+            "name = \"saturation\"",
+            "name = \"saturation\"\nfrom = \"nowhere.senda\"",
+            "no such file",
+        ),
     ] {
         assert!(good.contains(from), "{from} is not in\n{good}");
         let text = good.replacen(from, to, 1);
@@ -303,4 +342,106 @@ fn bad_plans_are_refused_at_their_line() {
             .contains("a second time")
     );
     assert_eq!(plan.rows.len(), 3);
+}
+
+/// What is wrong with a plan whose file looks right.
+fn refusal(plan: Plan, folder: &Path) -> String {
+    Comparison::open(plan, folder).unwrap_err().to_string()
+}
+
+#[test]
+fn plans_are_refused_before_anything_is_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let there = folder.path().join("there");
+
+    // The same road under another name.
+    let copy = folder.path().join("mine.toml");
+    let mut world = senda_world::World::named("oval-lane").unwrap();
+    world.name = "mine".into();
+    std::fs::write(&copy, world.to_toml()).unwrap();
+    let mut seen = plan(folder.path());
+    seen.judging.worlds = vec![copy.display().to_string()];
+    let error = refusal(seen, &there);
+    assert!(
+        error.contains("mine.toml") && error.contains("oval-lane"),
+        "{error}"
+    );
+
+    let mut fast = plan(folder.path());
+    fast.conditions[1].speed_mps = Some(50.0);
+    let error = refusal(fast, &there);
+    assert!(error.contains("\"late\"") && error.contains("50"), "{error}");
+
+    // A layer that is not trained needs weights from somewhere.
+    let mut frozen = plan(folder.path());
+    let network = folder.path().join("frozen.toml");
+    std::fs::write(&network, format!("{NETWORK}trainable = false\n")).unwrap();
+    frozen.rows[0].network = network.display().to_string();
+    let error = refusal(frozen.clone(), &there);
+    assert!(
+        error.contains("grey/steering") && error.contains("from ="),
+        "{error}"
+    );
+    let layers = senda_nets::Network::load(&network).unwrap();
+    let weights = folder.path().join("weights.onnx");
+    let random = senda_nets::Weights::initialised(&layers, senda_nets::Initialisation::default(), 1);
+    std::fs::write(&weights, layers.to_onnx(&random)).unwrap();
+    frozen.rows[0].from = Some(weights);
+    Comparison::open(frozen, &there).unwrap();
+    assert!(!there.exists());
+}
+
+#[test]
+fn a_damaged_recording_is_not_learned_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let there = folder.path().join("there");
+    let comparison = Comparison::open(plan(folder.path()), &there).unwrap();
+    assert!(work(&comparison, PartOf::WHOLE, 1, &|| false));
+    for kind in ["samples", "models", "offline", "laps"] {
+        std::fs::remove_dir_all(there.join(kind)).unwrap();
+    }
+    for entry in std::fs::read_dir(there.join("recordings")).unwrap() {
+        let path = entry.unwrap().path();
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    }
+    let crew = Crew {
+        threads: 1,
+        progress: &|_| {},
+        interrupted: &|| false,
+        clock_ns: &|| 0,
+    };
+    let error = comparison.work(PartOf::WHOLE, &crew).unwrap_err().to_string();
+    assert!(
+        error.contains(".mcap") && error.contains("delete the file and run the comparison again"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_folder_serves_one_process_at_a_time_and_only_comparisons_are_joined() {
+    let folder = tempfile::tempdir().unwrap();
+    let there = folder.path().join("there");
+    let comparison = Comparison::open(plan(folder.path()), &there).unwrap();
+    std::fs::create_dir(&there).unwrap();
+    let other = std::fs::File::create(there.join(".lock")).unwrap();
+    other.lock().unwrap();
+    let crew = Crew {
+        threads: 1,
+        progress: &|_| {},
+        interrupted: &|| true,
+        clock_ns: &|| 0,
+    };
+    let error = comparison.work(PartOf::WHOLE, &crew).unwrap_err().to_string();
+    assert!(error.contains("another `senda compare`"), "{error}");
+    drop(other);
+    assert!(comparison.work(PartOf::WHOLE, &crew).unwrap().interrupted);
+
+    let error = merge(&[folder.path().join("none")], &there)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("none: expected the folder of a comparison"),
+        "{error}"
+    );
 }

@@ -293,6 +293,8 @@ fn sweep(examples: &[Summary]) -> Vec<SweepRun> {
             summary: Some(summary),
             error: String::new(),
             latency_s: 0.0,
+            image_px: None,
+            tightest_m: None,
         });
     }
     runs

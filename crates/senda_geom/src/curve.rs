@@ -224,6 +224,13 @@ impl Curve {
         a.curvature_per_m + (b.curvature_per_m - a.curvature_per_m) * part
     }
 
+    /// Radius of the tightest curve (m); none where it is straight all along.
+    pub fn tightest_radius_m(&self) -> Option<f64> {
+        let curvatures = self.samples.iter().map(|sample| sample.curvature_per_m.abs());
+        let most = curvatures.fold(0.0, f64::max);
+        (most > 1e-9).then(|| 1.0 / most)
+    }
+
     /// The nearest place on the curve, searching all of it.
     pub fn project(&self, point: Vec2) -> Place {
         self.project_among(point, 0, self.samples.len() - 1)

@@ -14,7 +14,15 @@ pub fn begin(
 ) -> Result<(Weights, Option<String>), LearnError> {
     let mut weights = Weights::initialised(network, training.initialisation, seed);
     let Some(path) = from else {
-        return Ok((weights, random_but_frozen(network)));
+        let frozen = frozen_layers(network);
+        let note = (frozen > 0).then(|| {
+            format!(
+                "warning: {frozen} layers of {} are not trained and hold random values: give trained ones with --from FILE, for \
+                 MobileNetV2 torchvision's (docs/networks.md tells how to save them)",
+                network.name()
+            )
+        });
+        return Ok((weights, note));
     };
     let adopted = weights.adopt(network, path)?;
     let kept = match &adopted.kept[..] {
@@ -29,19 +37,13 @@ pub fn begin(
     Ok((weights, Some(note)))
 }
 
-fn random_but_frozen(network: &Network) -> Option<String> {
+/// How many layers have weights and are not trained: they must come from elsewhere.
+pub fn frozen_layers(network: &Network) -> usize {
     let frozen = network
         .layers()
         .iter()
-        .filter(|layer| !layer.is_trainable && !layer.tensors.is_empty())
-        .count();
-    (frozen > 0).then(|| {
-        format!(
-            "warning: {frozen} layers of {} are not trained and hold random values: give trained ones with --from FILE, for \
-             MobileNetV2 torchvision's (docs/networks.md tells how to save them)",
-            network.name()
-        )
-    })
+        .filter(|layer| !layer.is_trainable && !layer.tensors.is_empty());
+    frozen.count()
 }
 
 #[cfg(test)]

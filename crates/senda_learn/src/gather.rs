@@ -48,6 +48,8 @@ pub struct Data {
     pub samples: Samples,
     /// What was left out or guessed.
     pub warnings: Vec<String>,
+    /// The first thing that could not be read whole, if there is one; it is among the warnings.
+    pub damage: Option<String>,
     /// The camera that senda's recordings were made with: the first one's. Foreign data do not know theirs.
     pub camera: Option<Camera>,
     /// The paths that gave frames, as they were named.
@@ -141,12 +143,9 @@ pub fn recordings(
                 let name = run_name(path, index);
                 index += 1;
                 data.take_camera(&recording, &name);
-                data.warnings.extend(
-                    recording
-                        .warnings
-                        .iter()
-                        .map(|warning| format!("{name}: {warning}")),
-                );
+                for warning in &recording.warnings {
+                    data.damaged(format!("{name}: {warning}"));
+                }
                 data.add(&recording, &name, input, answers, selection);
             }
         }
@@ -171,6 +170,11 @@ fn run_name(path: &Path, index: usize) -> String {
 }
 
 impl Data {
+    fn damaged(&mut self, warning: String) {
+        self.damage.get_or_insert_with(|| warning.clone());
+        self.warnings.push(warning);
+    }
+
     fn take_camera(&mut self, recording: &Recording, name: &str) {
         let Some(own) = recording.header.body.cameras.first() else {
             return;
@@ -283,8 +287,7 @@ impl Data {
                 samples.runs.pop();
             }
             if broken > 0 {
-                self.warnings
-                    .push(format!("{label}: {broken} frames were left out ({first})"));
+                self.damaged(format!("{label}: {broken} frames were left out ({first})"));
             }
         }
         if self.samples.len() == samples_before {

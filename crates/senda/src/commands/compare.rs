@@ -27,7 +27,7 @@ pub(crate) struct Arguments {
     /// A few rows, two seeds, one lap, fewer epochs: minutes instead of hours
     #[arg(long)]
     quick: bool,
-    /// Where results are kept, and gone on from; without it a folder named after the plan
+    /// Where results are kept, and gone on from; without it a folder named after the plan and the part
     #[arg(long, value_name = "FOLDER")]
     folder: Option<PathBuf>,
     /// Do only part I of N, to be joined by `senda merge`: 1/4
@@ -107,11 +107,16 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         plan.quick(&added);
     }
     plan.seeds = arguments.seeds.unwrap_or(plan.seeds);
+    let part = arguments.shard.unwrap_or(PartOf::WHOLE);
+    let own = if part == PartOf::WHOLE {
+        String::new()
+    } else {
+        format!("-part-{}-of-{}", part.number, part.count)
+    };
     let folder = arguments
         .folder
         .clone()
-        .unwrap_or_else(|| PathBuf::from(format!("compare-{}", plan.name)));
-    let part = arguments.shard.unwrap_or(PartOf::WHOLE);
+        .unwrap_or_else(|| PathBuf::from(format!("compare-{}{own}", plan.name)));
     let jobs = cores(arguments.jobs);
     let comparison = Comparison::open(plan, &folder)?;
     let amount = comparison.amount(part);

@@ -7,6 +7,7 @@ use clap::{Args, Subcommand};
 use senda_drivers::follow::Form;
 use senda_drivers::study::{self, Start, StudyOptions, Trace, Verdict};
 use senda_eval::report::{Page, StudyTrace, study_html, study_limits};
+use serde::Serialize;
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -79,7 +80,7 @@ struct Follow {
     /// Write a report with plots (one HTML file)
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// Print all traces as JSON
+    /// Print all traces and the limits of Kp as JSON
     #[arg(long)]
     json: bool,
 }
@@ -144,12 +145,18 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     if terminal::ended_early() {
         bail!(terminal::Interrupted(": nothing is studied".to_owned()));
     }
+    let limits = if is_document {
+        limits(&options)?
+    } else {
+        Vec::new()
+    };
     if let Some(path) = &flags.report {
-        write_file(path, page(&traces, flags.form).as_bytes())?;
+        write_file(path, page(&traces, &limits, flags.form).as_bytes())?;
         tell!("report: {}", path.display());
     }
     if flags.json {
-        say!("{}", serde_json::to_string_pretty(&traces)?)?;
+        let found = serde_json::json!({ "traces": traces, "limits": limits });
+        say!("{}", serde_json::to_string_pretty(&found)?)?;
         return Ok(());
     }
     say!("start d, angle      Kp    Ki    Kd     L      settles  overshoot  largest d  verdict")?;
@@ -175,14 +182,48 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         )?;
     }
     say!("\n{}", study_limits(study::SETTLED_D_M, study::SETTLED_THETA_RAD))?;
-    if is_document {
-        say_limits(&options)?;
+    for limit in &limits {
+        say!("{}", limit.words())?;
     }
     Ok(())
 }
 
-/// Between which Kp small errors die out, for all that Kp is combined with.
-fn say_limits(options: &StudyOptions) -> Result<()> {
+/// Between which Kp small errors die out, beside what Kp is combined with.
+#[derive(Serialize)]
+struct Limit {
+    look_ahead_m: f64,
+    ki_per_s2: f64,
+    kd: f64,
+    /// They die out between these; none: for no Kp that was tried. A highest one at the end of what was tried is no limit.
+    stable_kp_per_s: Option<(f64, f64)>,
+    /// The Kp that were tried.
+    tried_kp_per_s: (f64, f64),
+}
+
+impl Limit {
+    fn words(&self) -> String {
+        let (lowest, highest) = self.tried_kp_per_s;
+        let errors = match self.stable_kp_per_s {
+            Some((0.0, high)) if high >= highest => format!("die out up to Kp = {highest}"),
+            Some((low, high)) if high >= highest => format!("die out above Kp = {low:.2}"),
+            Some((0.0, high)) => format!("grow above Kp = {high:.2}"),
+            Some((low, high)) => format!("die out between Kp = {low:.2} and {high:.2} only"),
+            None => format!("die out for no Kp from {lowest} to {highest}"),
+        };
+        let mut gains = String::new();
+        for (name, gain) in [("Ki", self.ki_per_s2), ("Kd", self.kd)] {
+            if gain != 0.0 {
+                gains += &format!(", {name} = {gain}");
+            }
+        }
+        let length_cm = self.look_ahead_m * 100.0;
+        format!("At L = {length_cm:.0} cm{gains} and with these times, small errors {errors}.")
+    }
+}
+
+/// The limits of Kp for all that it is combined with.
+fn limits(options: &StudyOptions) -> Result<Vec<Limit>> {
+    let mut limits = Vec::new();
     for look_ahead_m in &options.look_ahead_m {
         for ki_per_s2 in &options.ki_per_s2 {
             for kd in &options.kd {
@@ -192,38 +233,29 @@ fn say_limits(options: &StudyOptions) -> Result<()> {
                     kd: vec![*kd],
                     ..options.clone()
                 };
-                let limits = study::critical_gains(&one, &terminal::interrupted);
+                let stable_kp_per_s = study::critical_gains(&one, &terminal::interrupted);
                 if terminal::ended_early() {
                     bail!(terminal::Interrupted(
                         ": not all limits of Kp are told".to_owned()
                     ));
                 }
-                let (lowest, highest) = study::GAINS_TRIED;
-                let errors = match limits {
-                    Some((0.0, high)) if high >= highest => format!("die out up to Kp = {highest}"),
-                    Some((low, high)) if high >= highest => format!("die out above Kp = {low:.2}"),
-                    Some((0.0, high)) => format!("grow above Kp = {high:.2}"),
-                    Some((low, high)) => format!("die out between Kp = {low:.2} and {high:.2} only"),
-                    None => format!("die out for no Kp from {lowest} to {highest}"),
-                };
-                let mut gains = String::new();
-                for (name, gain) in [("Ki", ki_per_s2), ("Kd", kd)] {
-                    if *gain != 0.0 {
-                        gains += &format!(", {name} = {gain}");
-                    }
-                }
-                let length_cm = look_ahead_m * 100.0;
-                say!("At L = {length_cm:.0} cm{gains} and with these times, small errors {errors}.")?;
+                limits.push(Limit {
+                    look_ahead_m: *look_ahead_m,
+                    ki_per_s2: *ki_per_s2,
+                    kd: *kd,
+                    stable_kp_per_s,
+                    tried_kp_per_s: study::GAINS_TRIED,
+                });
             }
         }
     }
-    Ok(())
+    Ok(limits)
 }
 
 /// Points of a course that a plot has room for.
 const PLOTTED_POINTS: usize = 2000;
 
-fn page(traces: &[Trace], form: Form) -> String {
+fn page(traces: &[Trace], limits: &[Limit], form: Form) -> String {
     let plotted = |values: &[f64]| -> Vec<f64> {
         let every = values.len().div_ceil(PLOTTED_POINTS).max(1);
         values.iter().copied().step_by(every).collect()
@@ -249,7 +281,11 @@ fn page(traces: &[Trace], form: Form) -> String {
             omega_radps: plotted(&trace.omega_radps),
         })
         .collect();
-    study_html(&Page::new("Study of the path follower", &command_line()), &shown)
+    let page = Page {
+        notes: limits.iter().map(Limit::words).collect(),
+        ..Page::new("Study of the path follower", &command_line())
+    };
+    study_html(&page, &shown)
 }
 
 /// `Kp 1.1, L 40 cm`, and the other gains where they are used.

@@ -299,15 +299,18 @@ fn sweep_run(line: &Line) -> SweepRun {
         .next()
         .unwrap_or_default()
         .to_owned();
+    let resolved = senda_run::scenario::find_world(&line.scenario.world).ok();
     // On a road in open land the lowest marking is earth, not a line.
-    let line_colour = senda_run::scenario::find_world(&line.scenario.world)
-        .ok()
+    let line_colour = resolved
+        .as_ref()
         .filter(|world| world.backdrop.hills.is_none())
         .and_then(|world| Some(world.markings.first()?.colour.nearest_name().to_owned()))
         .unwrap_or_default();
     SweepRun {
         world,
         line_colour,
+        image_px: line.scenario.image_px,
+        tightest_m: resolved.and_then(|world| world.path.tightest_radius_m()),
         summary: line.summary.clone(),
         error: line.error.clone().unwrap_or_default(),
         latency_s: line.scenario.latency_s,

@@ -127,7 +127,8 @@ pub(super) struct Section {
     pub(super) title: String,
     pub(super) intro: String,
     pub(super) cards: Vec<Card>,
-    pub(super) wide: bool,
+    /// How wide figures are: empty for small ones, `wide`, `single` for one in a row.
+    pub(super) grid: &'static str,
     pub(super) figures: Vec<Figure>,
     pub(super) tables: Vec<Table>,
     /// What went wrong and the command that repeats it.

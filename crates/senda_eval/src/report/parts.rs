@@ -82,6 +82,7 @@ fn section(part: &Part) -> Section {
         intro: part.intro.clone(),
         tables: part.tables.iter().map(table).collect(),
         figures: part.figures.iter().map(figure).collect(),
+        grid: "single",
         ..Section::default()
     }
 }

@@ -22,6 +22,10 @@ pub struct SweepRun {
     pub command: String,
     /// Further delay from the camera to the driver (s).
     pub latency_s: f64,
+    /// Size of the frames where the sweep says it: columns and rows.
+    pub image_px: Option<[u32; 2]>,
+    /// Radius of the path's tightest curve (m); none where it is straight or unknown.
+    pub tightest_m: Option<f64>,
 }
 
 impl SweepRow {
@@ -48,7 +52,7 @@ impl SweepRun {
 /// Rates and means of the runs that share a property.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SweepRow {
-    /// The property: `all`, `world`, `driver`, `vehicle`, `floor`, `light`, `line`, `speed`, `latency`, `direction`.
+    /// The property: `all`, `world`, `driver`, `vehicle`, `floor`, `light`, `line`, `curves`, `image`, `speed`, `latency`, `direction`.
     pub by: String,
     /// Its value.
     pub value: String,
@@ -83,13 +87,20 @@ pub(super) const RESAMPLES: usize = 1000;
 type Property = fn(&SweepRun, &Summary) -> String;
 
 /// How runs are told apart.
-const PROPERTIES: [(&str, Property); 9] = [
+const PROPERTIES: [(&str, Property); 11] = [
     ("driver", |_, s| s.driver.clone()),
     ("vehicle", |_, s| s.vehicle.clone()),
     ("world", |run, _| run.world.clone()),
     ("floor", |_, s| s.floor.clone()),
     ("light", |_, s| s.light.clone()),
     ("line", |run, _| run.line_colour.clone()),
+    ("curves", |run, _| curves(run.tightest_m)),
+    ("image", |run, _| {
+        run.image_px.map_or_else(
+            || "the vehicle's own".into(),
+            |[width, height]| format!("{width}x{height}"),
+        )
+    }),
     ("speed", |_, s| {
         s.speed_mps.map_or_else(|| "the driver's own".into(), text::speed)
     }),
@@ -104,6 +115,21 @@ const PROPERTIES: [(&str, Property); 9] = [
         }
     }),
 ];
+
+/// How tight the tightest curve is: radii are told apart by doubling, so that it fits mini cars and roads.
+fn curves(tightest_m: Option<f64>) -> String {
+    let Some(radius_m) = tightest_m else {
+        return "straight".into();
+    };
+    let mut low_m = 0.125;
+    while 2.0 * low_m <= radius_m {
+        low_m *= 2.0;
+    }
+    if radius_m < low_m {
+        return format!("radius below {} m", text::short(low_m));
+    }
+    format!("radius {} to {} m", text::short(low_m), text::short(2.0 * low_m))
+}
 
 /// Rates with 95 % intervals, over all runs and by property. Runs that could not be made count as errors, not as losses.
 pub fn sweep_table(runs: &[SweepRun]) -> SweepTable {
@@ -124,6 +150,11 @@ pub fn sweep_table(runs: &[SweepRun]) -> SweepTable {
         let number: Option<fn(&SweepRun, &Summary) -> f64> = match by {
             "speed" => Some(|_, summary| summary.speed_mps.unwrap_or(0.0)),
             "latency" => Some(|run, _| run.latency_s),
+            "curves" => Some(|run, _| run.tightest_m.unwrap_or(f64::INFINITY)),
+            "image" => Some(|run, _| {
+                run.image_px
+                    .map_or(0.0, |[width, height]| f64::from(width * height))
+            }),
             _ => None,
         };
         if let Some(number) = number {
@@ -248,7 +279,7 @@ fn overview(table: &SweepTable) -> Section {
             .first()
             .map(|all| cards(table, all))
             .unwrap_or_default(),
-        wide: true,
+        grid: "wide",
         figures,
         tables: match sweep_delivery::table(table) {
             Some(deliveries) if only_deliveries => vec![deliveries],
@@ -427,7 +458,7 @@ fn speeds(table: &SweepTable) -> Option<Section> {
     };
     Some(Section {
         title: "Losses against speed".into(),
-        wide: true,
+        grid: "wide",
         figures: vec![Figure {
             title: "Runs with a loss".into(),
             svg: plot.svg(),
@@ -484,7 +515,7 @@ fn grid(runs: &[SweepRun]) -> Option<Section> {
     };
     Some(Section {
         title: "Floor and light together".into(),
-        wide: true,
+        grid: "wide",
         figures: vec![Figure {
             title: "Runs with a loss".into(),
             svg: heat.svg(),

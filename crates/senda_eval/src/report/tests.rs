@@ -272,6 +272,8 @@ fn hostile_names_stay_text_everywhere() {
             error: String::new(),
             command: HOSTILE.into(),
             latency_s: 0.0,
+            image_px: None,
+            tightest_m: None,
         },
         SweepRun {
             world: HOSTILE.into(),
@@ -280,6 +282,8 @@ fn hostile_names_stay_text_everywhere() {
             error: HOSTILE.into(),
             command: HOSTILE.into(),
             latency_s: 0.0,
+            image_px: None,
+            tightest_m: None,
         },
     ];
     let study = [StudyTrace {
@@ -413,6 +417,8 @@ fn a_sweep_counts_by_property_and_tells_how_to_repeat_failures() {
         .map(|i| SweepRun {
             world: "test".into(),
             line_colour: if i % 5 == 0 { "pink" } else { "white" }.into(),
+            image_px: Some(if i % 2 == 0 { [160, 120] } else { [123, 92] }),
+            tightest_m: (i % 4 > 0).then_some(0.3 + 0.1 * (i % 4) as f64),
             summary: Some(Summary {
                 seed: i,
                 floor: if i % 2 == 0 {
@@ -442,13 +448,21 @@ fn a_sweep_counts_by_property_and_tells_how_to_repeat_failures() {
         .map(|row| row.value.as_str())
         .collect();
     assert_eq!(by_latency, ["0 ms", "100 ms"]);
-    let by_line: Vec<(&str, u64)> = table
-        .rows
-        .iter()
-        .filter(|row| row.by == "line")
-        .map(|row| (row.value.as_str(), row.completed.count))
-        .collect();
-    assert_eq!(by_line, [("pink", 8), ("white", 32)]);
+    let counts = |by: &str| -> Vec<(&str, u64)> {
+        let rows = table.rows.iter().filter(|row| row.by == by);
+        rows.map(|row| (row.value.as_str(), row.completed.count))
+            .collect()
+    };
+    assert_eq!(counts("line"), [("pink", 8), ("white", 32)]);
+    assert_eq!(counts("image"), [("123x92", 20), ("160x120", 20)]);
+    assert_eq!(
+        counts("curves"),
+        [
+            ("radius 0.25 to 0.5 m", 10),
+            ("radius 0.5 to 1 m", 20),
+            ("straight", 10)
+        ]
+    );
     let row = |by: &str, value: &str| {
         table
             .rows
