@@ -22,6 +22,18 @@ pub enum Steering {
     },
 }
 
+/// Encoders on both driven wheels: what makes metres of their ticks.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Encoders {
+    /// What a wheel rolls from one tick to the next (m).
+    pub tick_m: f64,
+    /// Distance between the wheels that they count on (m).
+    pub track_m: f64,
+    /// Whether they tell forwards from backwards. The GoPiGo's count up only.
+    pub signed: bool,
+}
+
 /// The vehicle as its driver knows it: kinematics, limits, cameras. Origin on the floor below the (rear) axle's centre.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -40,6 +52,9 @@ pub struct Body {
     pub yaw_rate_limit_radps: f64,
     /// Nominal time between observations (s).
     pub period_s: f64,
+    /// Encoders on the driven wheels, where it has any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub encoders: Option<Encoders>,
     /// Cameras; the first is the one that single-camera drivers use.
     pub cameras: Vec<Camera>,
 }
@@ -120,6 +135,7 @@ mod tests {
             speed_limit_mps: 1.0,
             yaw_rate_limit_radps: 5.0,
             period_s: 0.05,
+            encoders: None,
             cameras: vec![],
         }
     }

@@ -32,7 +32,7 @@ pub mod threads;
 pub mod vehicle;
 pub mod whole_file;
 
-pub use body::{Body, Steering};
+pub use body::{Body, Encoders, Steering};
 pub use codec::{CodecError, Encoded, ImageFormat};
 pub use command::{Command, Drive, Turn};
 pub use driver::{Driver, PrivilegedDriver};

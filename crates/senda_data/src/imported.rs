@@ -298,6 +298,7 @@ mod tests {
             speed_limit_mps: 1.0,
             yaw_rate_limit_radps: 3.0,
             period_s: 0.05,
+            encoders: None,
             cameras: vec![],
         };
         let imported = header("tub", "a \"tub\" = [x]", body);

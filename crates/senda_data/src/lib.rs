@@ -5,7 +5,7 @@
 //! use senda_data::{Recording, RecordingHeader, RecordingWriter, Replay};
 //! # use senda_core::{Body, Steering};
 //! # let body = Body { name: "robot".into(), steering: Steering::Differential { track_m: 0.11 }, width_m: 0.11, length_m: 0.2,
-//! #     speed_limit_mps: 0.3, yaw_rate_limit_radps: 3.0, period_s: 0.05, cameras: vec![] };
+//! #     speed_limit_mps: 0.3, yaw_rate_limit_radps: 3.0, period_s: 0.05, encoders: None, cameras: vec![] };
 //! # let header = RecordingHeader { senda: "0.1.0".into(), commit: String::new(), scenario: String::new(), world: None,
 //! #     reversed: false, body, driver: "line".into(), seed: 1 };
 //! let mut writer = RecordingWriter::new(std::io::Cursor::new(Vec::new()), &header)?;

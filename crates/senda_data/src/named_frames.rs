@@ -222,6 +222,7 @@ mod tests {
             speed_limit_mps: 1.0,
             yaw_rate_limit_radps: 3.0,
             period_s: 0.05,
+            encoders: None,
             cameras: vec![],
         };
         assert_eq!(command_from_servo(&body, 40.0).turn, Turn::SteeringRad(0.5));

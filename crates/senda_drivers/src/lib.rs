@@ -21,6 +21,7 @@
 //!     speed_limit_mps: 0.4,
 //!     yaw_rate_limit_radps: 6.0,
 //!     period_s: 0.05,
+//!     encoders: None,
 //!     cameras: vec![camera],
 //! };
 //! let mut driver = LineDriver::new(&body, LineOptions::default()).unwrap();

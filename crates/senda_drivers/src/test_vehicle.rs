@@ -14,6 +14,7 @@ pub(crate) fn gopigo() -> Body {
         speed_limit_mps: 0.6,
         yaw_rate_limit_radps: 6.0,
         period_s: 0.05,
+        encoders: None,
         cameras: vec![Camera {
             name: "center".into(),
             width_px: 160,

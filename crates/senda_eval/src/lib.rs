@@ -21,7 +21,8 @@
 //! ```
 //!
 //! [`metrics`] are pure functions over true poses (B7 and B8 in SPEC, laps, departures, smoothness), [`mod@agreement`]
-//! compares two drivers on the same frames, [`statistics`] gives rates and means their intervals, [`paired`] tests
+//! compares two drivers on the same frames, [`odometry`] reckons
+//! a path from the wheels alone (C14), [`statistics`] gives rates and means their intervals, [`paired`] tests
 //! what two did with the same seed, [`Summary`] is one run in
 //! figures, [`plot`] draws SVG, [`report`] makes the pages.
 //!
@@ -31,6 +32,7 @@
 pub mod agreement;
 pub mod delivery;
 pub mod metrics;
+pub mod odometry;
 pub mod paired;
 pub mod plot;
 pub mod report;
@@ -41,4 +43,5 @@ pub mod text;
 pub use agreement::{Agreement, agreement};
 pub use delivery::{Delivery, DeliveryRules};
 pub use metrics::{Course, Metrics, measure};
+pub use odometry::{Odometer, OdometryError};
 pub use summary::Summary;

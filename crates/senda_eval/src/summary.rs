@@ -2,6 +2,7 @@
 
 use crate::delivery::Delivery;
 use crate::metrics::{self, Course, Losses, Metrics, Motion, Smoothness};
+use crate::odometry::{self, OdometryError};
 use crate::text;
 use senda_core::{Body, Truth};
 use senda_data::Recording;
@@ -80,6 +81,9 @@ pub struct Summary {
     pub mean_speed_mps: f64,
     /// How calmly it was driven.
     pub smoothness: Smoothness,
+    /// How far odometry, by the wheels alone, ends from the true pose (C14); `None` without encoders.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub odometry: Option<OdometryError>,
     /// Frames driven on.
     pub frames: u64,
     /// Digest of the whole trajectory; equal runs have equal digests.
@@ -172,6 +176,7 @@ impl Summary {
             reversed: recording.header.reversed,
             seed: recording.header.seed,
             laps_wanted: course.and_then(|course| course.laps),
+            odometry: odometry::of_recording(recording).map(|(_, error)| error),
             ..Self::from_figures(&measured, &losses, &smoothness)
         }
     }
@@ -297,6 +302,16 @@ impl Summary {
                 text::speed(self.mean_speed_mps)
             ),
         ));
+        if let Some(odometry) = &self.odometry {
+            rows.push((
+                "odometry",
+                format!(
+                    "ends {} and {} from the true pose",
+                    text::length(odometry.end_error_m),
+                    text::angle(odometry.end_error_rad)
+                ),
+            ));
+        }
         if let Some(found) = self.found_rate {
             rows.push((
                 "line seen",

@@ -5,7 +5,7 @@ use senda_core::{Body, Command, Explanation, Observation, Truth};
 use senda_drivers::MissionOptions;
 use senda_drivers::loss::{GAVE_UP, STOPPED};
 use senda_eval::metrics::{self, Motion};
-use senda_eval::{Delivery, DeliveryRules, Summary, delivery};
+use senda_eval::{Delivery, DeliveryRules, Odometer, OdometryError, Summary, delivery};
 use senda_world::World;
 
 /// One row a step.
@@ -16,6 +16,7 @@ pub(crate) struct Log {
     /// Only what losses are counted from: the signal `found` and the events.
     accounts: Vec<Explanation>,
     digest: TrajectoryDigest,
+    odometer: Option<Odometer>,
     pub(crate) frame_times_ns: Vec<u64>,
 }
 
@@ -27,6 +28,7 @@ impl Log {
             motions: Vec::new(),
             accounts: Vec::new(),
             digest: TrajectoryDigest::default(),
+            odometer: Odometer::new(body),
             frame_times_ns: Vec::new(),
         }
     }
@@ -46,6 +48,9 @@ impl Log {
             seen.speed_mps,
         ));
         self.truths.extend(truth);
+        if let Some(odometer) = &mut self.odometer {
+            odometer.step(seen.wheels, command);
+        }
         self.digest.step(seen.stamp, truth, command);
         self.frame_times_ns.push(frame_time_ns);
     }
@@ -116,6 +121,7 @@ impl Log {
             laps_wanted: course.laps,
             ended: ending.words().to_owned(),
             digest,
+            odometry: OdometryError::of(self.odometer.as_ref(), &self.truths),
             ..Summary::from_figures(&measured, &losses, &smoothness)
         };
         let summary = match self.delivery(world) {

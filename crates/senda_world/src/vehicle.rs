@@ -265,6 +265,11 @@ impl VehicleSpec {
             speed_limit_mps: self.speed_limit_mps,
             yaw_rate_limit_radps: self.yaw_rate_limit_radps,
             period_s: self.period_s,
+            encoders: self.encoders.as_ref().map(|encoders| senda_core::Encoders {
+                tick_m: self.wheels.circumference_m() / f64::from(encoders.ticks_per_turn),
+                track_m: self.wheels.track_m,
+                signed: encoders.signed,
+            }),
             cameras: self
                 .cameras
                 .iter()

@@ -13,6 +13,7 @@ fn body() -> Body {
         speed_limit_mps: 0.5,
         yaw_rate_limit_radps: 6.0,
         period_s: 0.05,
+        encoders: None,
         cameras: vec![Camera {
             name: "center".into(),
             width_px: 320,

@@ -15,6 +15,7 @@ pub(crate) fn gopigo(width_px: u32, height_px: u32) -> Body {
         speed_limit_mps: 0.6,
         yaw_rate_limit_radps: 6.0,
         period_s: 0.05,
+        encoders: None,
         cameras: vec![Camera {
             name: "center".into(),
             width_px,
@@ -45,6 +46,7 @@ pub(crate) fn kit_car() -> Body {
         speed_limit_mps: 3.0,
         yaw_rate_limit_radps: 6.0,
         period_s: 0.05,
+        encoders: None,
         cameras: vec![Camera {
             name: "center".into(),
             width_px: 160,

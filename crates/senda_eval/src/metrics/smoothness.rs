@@ -118,6 +118,7 @@ mod tests {
             speed_limit_mps: 10.0,
             yaw_rate_limit_radps: 5.0,
             period_s: 0.05,
+            encoders: None,
             cameras: vec![],
         };
         let rate = |drive, truth: Option<&Truth>, measured_mps| {

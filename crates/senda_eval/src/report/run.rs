@@ -8,11 +8,12 @@ use super::plots::{self, Group};
 use super::signals::{Column, fixed_numbers};
 use crate::Summary;
 use crate::metrics::Course;
-use crate::plot::{Map, MapStyle, Track, hard_curves};
+use crate::odometry;
+use crate::plot::{Map, MapStyle, Stroke, Track, hard_curves};
 use crate::text;
 use senda_core::Truth;
 use senda_data::Recording;
-use senda_geom::Vec2;
+use senda_geom::{Pose2, Vec2};
 use senda_world::World;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -98,7 +99,7 @@ pub(super) fn section_with(
         (Some(world), _) => Some(Map::of_world(world)),
         (None, course) => course.as_ref().map(Map::of_course),
     };
-    let map = map.map(|map| with_track(run, map, &columns));
+    let map = map.map(|map| with_tracks(run, map, &columns));
     let enlarged = match (&map, &course) {
         (Some(map), Some(course)) => hard_curve_group(map, course),
         _ => None,
@@ -118,7 +119,7 @@ pub(super) fn section_with(
         chips: chips(summary),
         cards: cards(summary),
         map,
-        map_caption: "The path of the vehicle's axle (blue) over the painted lines (grey), true to scale. The bar across is the start, the arrow the driving direction; the shaded strip is the corridor.".into(),
+        map_caption: "The path of the vehicle's axle (blue) over the painted lines (grey), true to scale; dashed, where the vehicle has encoders, the path that they alone tell of. The bar across is the start, the arrow the driving direction; the shaded strip is the corridor.".into(),
         groups,
         data: data(run, &columns, &film, &events, stride),
         size: film.size,
@@ -310,6 +311,15 @@ fn cards(summary: &Summary) -> Vec<Card> {
         "Length of the driven path",
         "",
     );
+    if let Some(odometry) = &summary.odometry {
+        card(
+            "Odometry ends off by",
+            text::length(odometry.end_error_m),
+            format!("heading {}", text::angle(odometry.end_error_rad)),
+            "Distance from the true position at the end to the one reckoned from the wheels' encoders alone (C14)",
+            "",
+        );
+    }
     if summary.completion.is_some() && follows_path {
         let tone = if summary.departures > 0 { "bad" } else { "" };
         card(
@@ -420,8 +430,8 @@ fn events(recording: &Recording, stride: usize) -> Vec<(usize, f64, String)> {
     events
 }
 
-/// The map with the driven path.
-fn with_track(run: &ReportRun, mut map: Map, columns: &Columns) -> Map {
+/// The map with the driven path, and the one that the wheels tell of.
+fn with_tracks(run: &ReportRun, mut map: Map, columns: &Columns) -> Map {
     let steps = &run.recording.steps;
     let points = steps
         .iter()
@@ -434,6 +444,15 @@ fn with_track(run: &ReportRun, mut map: Map, columns: &Columns) -> Map {
         inside: columns.inside.clone(),
         ..Track::default()
     }];
+    if let Some((path, _)) = odometry::of_recording(run.recording) {
+        map.tracks.push(Track {
+            name: "odometry".into(),
+            points: path.iter().map(Pose2::position).collect(),
+            colour: 1,
+            stroke: Stroke::Dashed,
+            ..Track::default()
+        });
+    }
     let body = &run.recording.header.body;
     map.vehicle_m = Some([body.length_m, body.width_m]);
     map
@@ -448,7 +467,8 @@ fn hard_curve_group(map: &Map, course: &Course) -> Option<Group> {
             let title = format!("Hard curve {}", number + 1);
             let [low, high] = curve.window;
             let is_inside = |point: &Vec2| low.cmple(*point).all() && point.cmple(high).all();
-            let was_reached = map.tracks.iter().flat_map(|track| &track.points).any(is_inside);
+            let driven = map.tracks.first().map_or(&[][..], |track| &track.points);
+            let was_reached = driven.iter().any(is_inside);
             let mut enlarged = map.clone();
             enlarged.name = format!("{title}, enlarged");
             enlarged.window = Some(curve.window);

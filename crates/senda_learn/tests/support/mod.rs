@@ -131,6 +131,7 @@ pub(crate) fn car() -> Body {
         speed_limit_mps: 2.0,
         yaw_rate_limit_radps: 4.0,
         period_s: 0.05,
+        encoders: None,
         cameras: vec![],
     }
 }
