@@ -17,7 +17,7 @@ const OTHER_HEIGHT_M: f64 = 0.02;
 const OTHER_TILT_RAD: f64 = 0.052;
 
 /// The vehicle as its driver knows it: with the camera of a calibration file, if there is one.
-pub(crate) fn believed_body(body: &Body, calibration: Option<&str>) -> Result<Body, RunError> {
+pub fn believed_body(body: &Body, calibration: Option<&str>) -> Result<Body, RunError> {
     let mut body = body.clone();
     if let (Some(path), Some(camera)) = (calibration, body.cameras.first_mut()) {
         let found = camera_of(Path::new(path))?;
@@ -30,7 +30,7 @@ pub(crate) fn believed_body(body: &Body, calibration: Option<&str>) -> Result<Bo
 }
 
 /// What to say where a calibration's camera is plainly not the vehicle's.
-pub(crate) fn note(body: &Body, calibration: Option<&str>) -> Result<Option<String>, RunError> {
+pub fn note(body: &Body, calibration: Option<&str>) -> Result<Option<String>, RunError> {
     let (Some(path), Some(camera)) = (calibration, body.cameras.first()) else {
         return Ok(None);
     };
@@ -64,7 +64,8 @@ fn camera_of(path: &Path) -> Result<Camera, RunError> {
         Calibration::parse(&path.display().to_string(), &text).map_err(|error| wrong(error.to_string()))?;
     calibration.camera.ok_or_else(|| {
         wrong(
-            "it was made without the lens, so it holds no camera: calibrate again with the vehicle's lens"
+            "it holds the floor map alone, without a camera, because the lens was unknown and could not be told from the sheet: \
+             calibrate again with --vehicle and without --unknown-lens"
                 .into(),
         )
     })

@@ -10,7 +10,7 @@
 //! This crate does not print, parse arguments or read a clock: the edges pass those in through [`Ears`].
 
 pub mod bench;
-mod calibration;
+pub mod calibration;
 pub mod drive;
 pub mod error;
 pub mod guard;

@@ -5,6 +5,7 @@ use crate::terminal;
 use anyhow::{Context, Result, anyhow, bail};
 use clap::{Args, Subcommand};
 use senda_core::Encoded;
+use senda_geom::Camera;
 use senda_run::{photograph, scenario::find_vehicle};
 use senda_vision::calibration::{
     Calibration, CalibrationError, CalibrationOptions, Sheet, calibrate,
@@ -57,7 +58,7 @@ enum What {
         /// The sheet was printed with this --near-square (m)
         #[arg(long, value_name = "M")]
         near_square: Option<f64>,
-        /// The lens is unknown: fit the floor map alone
+        /// The lens is unknown: tell it from the sheet, as one without distortion
         #[arg(long)]
         unknown_lens: bool,
         /// Accept a vehicle that does not stand right on the sheet
@@ -191,7 +192,11 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 .into_iter()
                 .next()
                 .context("the vehicle has no camera")?;
-            let camera = camera.resized(image.width() as u32, image.height() as u32);
+            let (width_px, height_px) = (image.width() as u32, image.height() as u32);
+            if !unknown_lens {
+                terminal::warn(&other_shape(&camera, &spec.name, width_px, height_px));
+            }
+            let camera = camera.resized(width_px, height_px);
             let options = CalibrationOptions {
                 lens: (!unknown_lens).then_some(camera.lens),
                 misplaced: if accept {
@@ -201,9 +206,22 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 },
                 ..CalibrationOptions::default()
             };
-            let result = calibrate(&image, &page, &options);
+            let mut result = calibrate(&image, &page, &options);
+            if let Some(lens) = result
+                .as_ref()
+                .ok()
+                .filter(|_| unknown_lens)
+                .and_then(Calibration::pinhole_lens)
+            {
+                let told = CalibrationOptions {
+                    lens: Some(lens),
+                    ..options
+                };
+                // Where no such lens shows the sheet like this, the floor map alone is left.
+                result = calibrate(&image, &page, &told).or(result);
+            }
             if let Some(path) = overlay {
-                let shapes = self::overlay(&result, image.width() as u32, image.height() as u32);
+                let shapes = self::overlay(&result, width_px, height_px);
                 write_file(
                     &path,
                     senda_eval::report::picture_svg(&image, &encoded, &shapes).as_bytes(),
@@ -335,10 +353,25 @@ fn page(landscape: bool, near_square: Option<f64>, vehicle: &VehicleSpec) -> Res
     Ok(page)
 }
 
+/// What to say where the vehicle's camera takes pictures of another shape.
+fn other_shape(camera: &Camera, vehicle: &str, width_px: u32, height_px: u32) -> Vec<String> {
+    let is_other = u64::from(width_px) * u64::from(camera.height_px)
+        != u64::from(height_px) * u64::from(camera.width_px);
+    let words = || {
+        format!(
+            "the picture is {width_px}x{height_px} px, but {vehicle}'s camera is {}x{}: its lens was stretched to fit; where the \
+             picture was cropped instead, use --unknown-lens",
+            camera.width_px, camera.height_px
+        )
+    };
+    is_other.then(words).into_iter().collect()
+}
+
 /// The library's words name no flags; here the reader has them.
 fn with_the_flag(error: CalibrationError) -> anyhow::Error {
     let flag = match error {
         CalibrationError::Misplaced { .. } => "--accept",
+        CalibrationError::OtherLens { .. } => "--unknown-lens, or another --vehicle",
         CalibrationError::CutOff { .. } => "--near-square M, for `calibrate sheet` and `calibrate camera`",
         _ => return error.into(),
     };
@@ -376,6 +409,9 @@ fn described(calibration: &Calibration, out: &Path) -> String {
             camera.mounting.z_m * 100.0,
             camera.mounting.tilt_rad.to_degrees()
         );
+    } else {
+        words += "no lens without distortion shows the sheet like this: the file holds the floor map alone, which drivers do not use; \
+                  name a vehicle whose file has the lens\n";
     }
     words + &format!("calibration: {}", out.display())
 }

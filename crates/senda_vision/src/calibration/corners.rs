@@ -300,6 +300,12 @@ fn undistorted(corners: &[Vec2; 8], lens: Option<&Lens>) -> Option<[Vec2; 8]> {
     Some(ideal)
 }
 
+/// How far exact corners may be from where they should, on average, in a picture of a width: a sixth of a per cent of it, but at
+/// least half a pixel. What a badly printed or curled sheet stays within. Guess.
+pub(super) fn fit_limit_px(width_px: f64) -> f64 {
+    (width_px * 0.0016).max(0.5)
+}
+
 /// Exact corners from the edges in the full picture, checked against the sheet.
 fn exact(
     pair: &[Quad; 2],
@@ -308,8 +314,7 @@ fn exact(
     lens: Option<&Lens>,
 ) -> Result<Found, CalibrationError> {
     let size = picture.full.width as f64;
-    // A tenth of a per cent of the width, but at least half a pixel: what a badly printed or curled sheet stays within. Guess.
-    let limit_px = (size * 0.0016).max(0.5);
+    let limit_px = fit_limit_px(size);
     let does_not_fit = |error_px| CalibrationError::DoNotFit {
         error_px,
         limit_px,

@@ -1,6 +1,6 @@
 //! From eight corners to the calibration: homography, mounting, placement and line width.
 
-use super::corners::{Found, misses};
+use super::corners::{Found, fit_limit_px, misses};
 use super::edges::pinhole_part;
 use super::model::{Calibration, Placement, Reprojection};
 use super::picture::Picture;
@@ -52,6 +52,14 @@ pub(super) fn fit(
         camera,
     };
     let reprojection = reprojection(&calibration).ok_or_else(does_not_fit)?;
+    let limit_px = fit_limit_px(f64::from(width_px));
+    // The corners alone fit, or they would not have been found: it is the lens.
+    if calibration.camera.is_some() && !(reprojection.rms_px <= limit_px) {
+        return Err(CalibrationError::OtherLens {
+            error_px: reprojection.rms_px,
+            limit_px,
+        });
+    }
     Ok(Calibration {
         reprojection,
         ..calibration

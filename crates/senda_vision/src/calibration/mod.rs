@@ -197,6 +197,17 @@ pub enum CalibrationError {
         /// The sheet's side (m).
         side_m: f64,
     },
+    /// The sheet is there, but not as the lens would show it.
+    #[error(
+        "the squares are seen as another lens would show them: {error_px:.1} px off on average, expected less than {limit_px:.1}; \
+         check that the picture is of this camera, neither cropped nor stretched, or calibrate with the lens unknown"
+    )]
+    OtherLens {
+        /// Root mean square distance between corners found and corners expected (px).
+        error_px: f64,
+        /// Largest that would do (px).
+        limit_px: f64,
+    },
     /// The lower square is the smaller one.
     #[error(
         "the lower square is the smaller one: the picture is upside down or the vehicle looks at the sheet from its far end; turn the picture or the sheet"

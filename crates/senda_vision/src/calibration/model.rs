@@ -2,7 +2,7 @@
 
 use super::{Sheet, WidthProfile};
 use crate::FloorMap;
-use senda_geom::{Camera, Homography, Vec2, Vec3};
+use senda_geom::{Camera, Homography, Lens, Vec2, Vec3};
 
 /// A calibrated camera: everything that [`super::calibrate`] found, and the contents of the calibration file.
 #[derive(Debug, Clone, PartialEq)]
@@ -123,6 +123,30 @@ impl Calibration {
                 height_px,
             ),
         }
+    }
+
+    /// The lens without distortion, with square pixels and its axis in the picture's middle, that shows the floor like this
+    /// (Zhang 2000, eq. 3 and 4 with one unknown); `None` where the floor does not tell, as from straight above.
+    pub fn pinhole_lens(&self) -> Option<Lens> {
+        let centre = 0.5 * Vec2::new(f64::from(self.width_px), f64::from(self.height_px));
+        let image_from_floor = self.floor_from_image.inverse()?.matrix();
+        let centred = |column: Vec3| (column.truncate() - centre * column.z, column.z);
+        let ((ahead, ahead_z), (left, left_z)) =
+            (centred(image_from_floor.x_axis), centred(image_from_floor.y_axis));
+        // Directions ahead and to the left are at right angles and equally long: two equations in 1/f².
+        let weights = [ahead.dot(left), ahead.length_squared() - left.length_squared()];
+        let sides = [-ahead_z * left_z, left_z * left_z - ahead_z * ahead_z];
+        let inverse = (weights[0] * sides[0] + weights[1] * sides[1])
+            / (weights[0] * weights[0] + weights[1] * weights[1]);
+        let focal_px = 1.0 / inverse.sqrt();
+        // Views of 136° to 6°, as where the squares are looked for.
+        let sizes = 0.2 * f64::from(self.width_px)..10.0 * f64::from(self.width_px);
+        sizes.contains(&focal_px).then_some(Lens::Pinhole {
+            focal_u_px: focal_px,
+            focal_v_px: focal_px,
+            centre_u_px: centre.x,
+            centre_v_px: centre.y,
+        })
     }
 
     /// Expected width of a line `line_width_m` wide (px) against the row, for the picture's size; scale it with

@@ -330,6 +330,55 @@ fn the_mounting_follows_from_a_known_lens() {
     }
 }
 
+/// The lens of another camera, and pictures of another shape, gave a wrong mounting without a word.
+#[test]
+fn a_lens_that_does_not_fit_is_refused_and_the_right_one_found() {
+    for (width, height) in [(320, 240), (640, 360), (640, 480)] {
+        let [camera, wider] = [54.0f64, 70.0].map(|view_deg| {
+            let mut camera = gopigo(width, height);
+            let square = |focal_px: f64| Lens::Pinhole {
+                focal_u_px: focal_px,
+                focal_v_px: focal_px,
+                centre_u_px: f64::from(width) / 2.0,
+                centre_v_px: f64::from(height) / 2.0,
+            };
+            let half_rad = view_deg.to_radians() / 2.0;
+            camera.lens = square(f64::from(width) / 2.0 / senda_geom::trig::tan(half_rad));
+            camera
+        });
+        let sheet = Sheet::for_camera(&wider, false).unwrap_or_default();
+        let scene = Scene {
+            noise: 2.0,
+            ..Scene::new(&sheet)
+        };
+        let picture = scene.photograph(&wider);
+        let error = calibrate(&picture, &scene.sheet, &with_lens(&camera)).unwrap_err();
+        assert!(
+            matches!(error, CalibrationError::OtherLens { error_px, limit_px } if error_px > limit_px),
+            "{width}x{height}: {error}"
+        );
+        let lens = calibrate(&picture, &scene.sheet, &accepting())
+            .unwrap()
+            .pinhole_lens()
+            .unwrap();
+        let told = CalibrationOptions {
+            lens: Some(lens),
+            ..accepting()
+        };
+        let found = calibrate(&picture, &scene.sheet, &told).unwrap();
+        assert!(floor_error(&found, &wider, 0.3) < 3e-3, "{width}x{height}");
+        let (found, truth) = (found.camera.unwrap().mounting, wider.mounting);
+        assert!(
+            (found.z_m - truth.z_m).abs() < 3e-3,
+            "{width}x{height}: {found:?}"
+        );
+        assert!(
+            (found.tilt_rad - truth.tilt_rad).abs() < 1f64.to_radians(),
+            "{width}x{height}: {found:?}"
+        );
+    }
+}
+
 #[test]
 fn a_misplaced_sheet_is_measured_and_refused() {
     let camera = gopigo(320, 240);
