@@ -7,8 +7,126 @@ use predicates::str::contains;
 use senda_run::photograph;
 use senda_vision::calibration::Sheet;
 use senda_world::VehicleSpec;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use support::{json, senda, text};
+
+/// A tub of what the GoPiGo saw while its own driver kept the lane.
+fn gopigo_tub(folder: &Path) -> PathBuf {
+    let drive = [
+        "drive",
+        "--world",
+        "s-curves-lane",
+        "--vehicle",
+        "gopigo",
+        "--driver",
+        "lane",
+    ];
+    let tub = folder.join("tub");
+    senda(&[&drive[..], &["--time-limit", "8", "--record", text(folder)]].concat()).success();
+    let run = folder.join("s-curves-lane-gopigo-lane-1.mcap");
+    senda(&[
+        "data",
+        "export",
+        text(&run),
+        "--format",
+        "tub",
+        "--out",
+        text(&tub),
+    ])
+    .success();
+    tub
+}
+
+/// The sizes of a racing car's lane were set for every vehicle, and stayed when somebody chose the form: no lane was found in
+/// frames on which the same driver had just driven.
+#[test]
+fn frames_of_a_small_vehicle_show_their_lane() {
+    let folder = tempfile::tempdir().unwrap();
+    let tub = gopigo_tub(folder.path());
+    let report = folder.path().join("replay.html");
+    for (form, least_r) in [("road", 0.7), ("curve", 0.95)] {
+        let option = format!("form={form}");
+        let mut replay = vec![
+            "replay",
+            text(&tub),
+            "--vehicle",
+            "gopigo",
+            "--driver",
+            "lane",
+            "--json",
+            "--report",
+            text(&report),
+        ];
+        if form != "road" {
+            replay.extend(["--option", &option]);
+        }
+        let output = senda(&replay)
+            .success()
+            .stderr(contains(format!("form=\"{form}\"")));
+        let figures: serde_json::Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
+        assert_eq!(figures["found_rate"], 1.0, "{form}");
+        if form == "road" {
+            // Steered along the road (`road.centring=0`), the plot of d was a line at 0.
+            let plotted = std::fs::read_to_string(&report).unwrap();
+            let d = plotted.split_once(r#""signal d_m":{"#).unwrap().1;
+            let values = d
+                .split_once(r#""values":["#)
+                .unwrap()
+                .1
+                .split(']')
+                .next()
+                .unwrap();
+            let largest = values
+                .split(',')
+                .filter_map(|value| value.parse::<f64>().ok())
+                .fold(0.0, f64::max);
+            assert!(largest > 0.5, "{values}");
+        }
+        let r = figures["agreement"]["correlation"].as_f64().unwrap();
+        assert!(r > least_r, "{form}: {r}");
+    }
+}
+
+/// A calibration could not be given for recorded frames, and what belongs to a vehicle was left out without a word.
+#[test]
+fn a_calibration_tells_where_the_floor_of_recorded_frames_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let tub = gopigo_tub(folder.path());
+    let [own, unknown, other] = ["own.toml", "unknown.toml", "other.toml"].map(at);
+    let calibrate = ["calibrate", "camera", "--simulate", "--accept", "--out"];
+    senda(&[&calibrate[..], &[text(&own)]].concat()).success();
+    senda(&[&calibrate[..], &[text(&unknown), "--unknown-lens"]].concat())
+        .success()
+        .stdout(contains("height 9.").and(contains("tilt 3")));
+    senda(&[&calibrate[..], &[text(&other), "--vehicle", "picar"]].concat()).success();
+    let replay = ["replay", text(&tub), "--vehicle", "gopigo", "--json"];
+    let figures = |more: &[&str]| json(&[&replay[..], more].concat());
+    let bare = figures(&[]);
+    // What the simulated camera's mounting is off by changes commands a little.
+    for file in [&own, &unknown] {
+        let told = figures(&["--calibration", text(file)]);
+        assert_eq!(told["found_rate"], 1.0, "{}", file.display());
+        assert_ne!(told["agreement"], bare["agreement"]);
+    }
+    senda(&[&replay[..], &["--calibration", text(&other)]].concat())
+        .success()
+        .stderr(contains("the calibration is of another vehicle"));
+    let drive = [
+        "drive",
+        "--world",
+        "oval",
+        "--time-limit",
+        "2",
+        "--calibration",
+        text(&unknown),
+    ];
+    senda(&drive).success();
+    let run = at("s-curves-lane-gopigo-lane-1.mcap");
+    senda(&["replay", text(&run), "--vehicle", "picar"])
+        .success()
+        .stderr(contains("it brings its own vehicle, gopigo"));
+}
 
 /// A photograph by another lens, or of another shape, gave a camera 3 cm too high and was accepted.
 #[test]

@@ -300,6 +300,11 @@ impl Driver for LaneDriver {
         let (lines, width_m) = match &self.lane {
             Lane::Document(_, accepted) => (accepted.map_or(0, |accepted| accepted.lines()), None),
             Lane::Road(lane) => {
+                // d tells where the middle was seen, whatever part of the way to it is steered for.
+                let d = explanation.signals.iter_mut().find(|signal| signal.name == "d_m");
+                if let (Some(d), Some(middle_m)) = (d.filter(|d| d.value.is_finite()), lane.middle_m()) {
+                    d.value = middle_m;
+                }
                 for (is_path, points) in lane.drawn() {
                     let color = if is_path { PATH_COLOR } else { LINE_COLOR };
                     self.sight.draw_floor_line(explanation, points.into_iter(), color);

@@ -170,6 +170,11 @@ impl RoadLane {
         self.seen.iter().flatten().count()
     }
 
+    /// Where the lane's middle was last seen, to the left of the vehicle (m).
+    pub(crate) fn middle_m(&self) -> Option<f64> {
+        self.middle_m
+    }
+
     /// How far ahead the road is known (m).
     pub(crate) fn range_m(&self) -> f64 {
         self.range_m

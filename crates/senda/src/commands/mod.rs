@@ -20,6 +20,7 @@ pub(crate) mod sweep;
 pub(crate) mod tour;
 pub(crate) mod train;
 pub(crate) mod training_report;
+pub(crate) mod watched_lane;
 pub(crate) mod world;
 
 use anyhow::{Context, Result};

@@ -3,7 +3,7 @@
 use super::{
     drive::{merge, parse_option_list},
     report::{PageRun, command_line, page},
-    write_file,
+    watched_lane, write_file,
 };
 use crate::terminal;
 use anyhow::{Result, anyhow, bail};
@@ -14,22 +14,12 @@ use senda_eval::{
     report::{Page, real_data_html},
     text,
 };
-use senda_run::{replay, scenario::find_vehicle};
+use senda_run::{
+    calibration::{believed_body, note},
+    replay,
+    scenario::find_vehicle,
+};
 use std::path::{Path, PathBuf};
-
-/// The lane driver on frames of somebody else's car. The curve form predicts the road from its own commands, which this
-/// vehicle does not obey, so each frame must speak for itself; a car for races has wider lanes and lines than the
-/// GoPiGo and looks further ahead (m), in the proportion of their sizes (guess). Where in its lane a person drives is
-/// theirs: the driver goes along the road from there.
-const FOREIGN_LANE: [&str; 7] = [
-    "form=\"road\"",
-    "road.centring=0",
-    "follow.pursuit_m=1.5",
-    "shape.widest_m=0.9",
-    "sight.line_width_m=0.05",
-    "sight.range_m=1.7",
-    "loss.stop_after_m=100",
-];
 
 #[derive(Args)]
 pub(crate) struct Arguments {
@@ -41,9 +31,13 @@ pub(crate) struct Arguments {
     /// Trained network for the driver `neural`
     #[arg(long, value_name = "FILE")]
     model: Option<String>,
-    /// Vehicle that foreign data come from: its camera tells where the floor is (imported data bring theirs)
-    #[arg(long, value_name = "VEHICLE", default_value = "donkeycar")]
-    vehicle: String,
+    /// Vehicle that foreign data come from, donkeycar unless given: its camera tells where the floor is (recordings and imported
+    /// data bring theirs)
+    #[arg(long, value_name = "VEHICLE")]
+    vehicle: Option<String>,
+    /// Calibration file of the camera that the data come from: where the floor is, instead of what the vehicle's file says
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<String>,
     /// Another cruising speed in m/s
     #[arg(long, value_name = "MPS")]
     speed: Option<f64>,
@@ -68,35 +62,50 @@ pub(crate) fn read_recording(path: &Path) -> Result<Recording> {
     Ok(recording)
 }
 
-/// Any data.
-fn open(path: &Path, vehicle: &str) -> Result<Recording> {
+/// Any data, with the camera that their vehicle is believed to have.
+fn open(path: &Path, vehicle: Option<&str>, calibration: Option<&str>) -> Result<Recording> {
     if !path.exists() {
         bail!("{}: no such file or folder", path.display());
     }
-    let recording = senda_data::open(path, &find_vehicle(vehicle)?.body())?;
+    let body = find_vehicle(vehicle.unwrap_or("donkeycar"))?.body();
+    let mut recording = senda_data::open(path, &body)?;
     terminal::warn(&recording.warnings);
+    let own = &recording.header.body;
+    if vehicle.is_some() && own.name != body.name {
+        terminal::warn(&[format!(
+            "{}: it brings its own vehicle, {}: --vehicle is for data that bring none, and is left out",
+            path.display(),
+            own.name
+        )]);
+    }
+    terminal::warn(&Vec::from_iter(note(own, calibration)?));
+    recording.header.body = believed_body(own, calibration)?;
     Ok(recording)
 }
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
-    let recording = open(&arguments.data, &arguments.vehicle)?;
+    let recording = open(
+        &arguments.data,
+        arguments.vehicle.as_deref(),
+        arguments.calibration.as_deref(),
+    )?;
     let foreign = recording.header.origin().is_some();
     let driver = arguments
         .driver
         .clone()
         .or_else(|| foreign.then(|| "lane".to_owned()));
     let mut driver_options = toml::Table::new();
-    if foreign && driver.as_deref() == Some("lane") {
-        driver_options = parse_option_list(&FOREIGN_LANE.map(str::to_owned))?;
-        tell!(
-            "options for a vehicle that does not obey: {}",
-            FOREIGN_LANE.join(" ")
-        );
-    }
     if let Some(model) = &arguments.model {
         driver_options.insert("model".to_owned(), model.as_str().into());
     }
     merge(&mut driver_options, parse_option_list(&arguments.options)?);
+    if foreign && driver.as_deref() == Some("lane") {
+        driver_options = watched_lane::options(&recording.header.body, &driver_options);
+        tell!(
+            "options for a vehicle that does not obey: {}",
+            watched_lane::words(&driver_options)
+        );
+    }
     let options = replay::Options {
         driver,
         speed_mps: arguments.speed,
@@ -107,6 +116,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         .as_deref()
         .is_some_and(|driver| driver != recording.header.driver)
         || options.speed_mps.is_some()
+        || arguments.calibration.is_some()
         || !options.driver_options.is_empty();
     let human = recording.clone();
     let bar = terminal::bar("replay");
