@@ -223,3 +223,27 @@ fn the_wheels_alone_tell_a_path() {
     let figures = json(&[&drive[..], &["--vehicle", "unicycle"]].concat());
     assert_eq!(figures.get("odometry"), None);
 }
+
+/// "The driver stopped" was said of what the guard had done, and nothing told of the guard.
+#[test]
+fn who_stopped_a_vehicle_is_told() {
+    let drive = [
+        "drive",
+        "--world",
+        "oval",
+        "--driver",
+        "line",
+        "--vehicle",
+        "gopigo",
+    ];
+    let late = [&drive[..], &["--latency", "0.5", "--json"]].concat();
+    let output = senda(&late).stderr(contains("the guard stops a vehicle"));
+    let figures: serde_json::Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
+    assert_eq!(
+        figures["ended"],
+        "the guard stopped it: no picture younger than 0.5 s"
+    );
+    assert!(figures["guard_stops"].as_u64().unwrap() > 50, "{figures}");
+    let figures = json(&[&drive[..], &["--time-limit", "2", "--json"]].concat());
+    assert_eq!(figures["guard_stops"], 0);
+}

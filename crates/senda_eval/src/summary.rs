@@ -37,6 +37,8 @@ pub struct Summary {
     pub laps_wanted: Option<f64>,
     /// Why the run ended, in words: `goal reached`, `left the corridor`, `line lost`, `time over`.
     pub ended: String,
+    /// How many commands the guard replaced by a stop: pictures too old, or commands that are no numbers.
+    pub guard_stops: u64,
     /// Whether the goal was reached without ever leaving the corridor.
     pub completed: bool,
     /// Part of the road to be driven that was driven inside the corridor (0..=1).
@@ -256,7 +258,7 @@ impl Summary {
                 ),
             ),
         ];
-        if !self.completed {
+        if !self.completed && self.ended != INTERRUPTED {
             let other = &self.other_means;
             if let (Some(lane), Some(heading)) =
                 (other.lane_error_as_defined_m, other.heading_error_as_defined_rad)
@@ -270,6 +272,12 @@ impl Summary {
                     ),
                 ));
             }
+        }
+        if self.guard_stops > 0 {
+            rows.push((
+                "guard",
+                format!("replaced {} commands by a stop", self.guard_stops),
+            ));
         }
         if let Some(time_s) = self.first_departure_s {
             let percent = self.first_departure_percent.map_or(String::new(), |percent| {

@@ -1,6 +1,9 @@
 //! One run in the simulator: the loop, the referee, the recording and the summary.
 
-use crate::{Ears, Guard, Pilot, RunError, Scenario, calibration::believed_body, log::Log, referee::Referee};
+use crate::{
+    Ears, Guard, Pilot, RunError, Scenario, calibration::believed_body, guard::GuardStop, log::Log,
+    referee::Referee,
+};
 use senda_core::{Body, Command, Explanation, Observation, Truth, Vehicle};
 use senda_data::{Recording, RecordingHeader, RecordingWriter};
 use senda_eval::Summary;
@@ -19,6 +22,10 @@ pub enum Ending {
     Strayed,
     /// The driver stopped the vehicle and left it standing.
     Stopped,
+    /// The guard stopped it, because the driver saw nothing but old pictures.
+    Blind,
+    /// The guard stopped it, because the driver's commands were no numbers.
+    NoNumber,
     /// The time limit passed.
     TimeOut,
     /// The driver said that its work is done.
@@ -38,6 +45,8 @@ impl Ending {
             Self::Finished => "goal reached",
             Self::Strayed => "strayed too far from the path",
             Self::Stopped => "the driver stopped",
+            Self::Blind => GuardStop::Blind.words(),
+            Self::NoNumber => GuardStop::NoNumber.words(),
             Self::TimeOut => "time over",
             Self::Done => "the driver has done its work",
             Self::WithoutLine => "the driver stopped without a line",
@@ -241,6 +250,10 @@ pub(crate) fn steps<W: Write + Seek>(
         );
         explanation.clear();
         pilot.explain(&mut explanation);
+        if let Some(stop) = guard.stop() {
+            explanation.event(stop.words());
+        }
+        log.guard_stops = guard.stops();
         log.explained(&explanation);
         if let Some(recorder) = recorder {
             recorder.step(&observation, &command, vehicle.truth(), &explanation)?;
@@ -248,7 +261,11 @@ pub(crate) fn steps<W: Write + Seek>(
         vehicle.actuate(&command)?;
         (ears.progress)(referee.progress());
         if let Some(ending) = referee.judge(vehicle.truth(), &command, pilot) {
-            return Ok(ending);
+            return Ok(match (ending, guard.stop()) {
+                (Ending::Stopped, Some(GuardStop::Blind)) => Ending::Blind,
+                (Ending::Stopped, Some(GuardStop::NoNumber)) => Ending::NoNumber,
+                (ending, _) => ending,
+            });
         }
         if (ears.interrupted)() {
             return Ok(Ending::Interrupted);
@@ -278,5 +295,34 @@ fn header(scenario: &Scenario, world: &World, body: &senda_core::Body) -> Record
         body: body.clone(),
         driver: scenario.driver.clone(),
         seed: scenario.seed,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::Cell;
+
+    /// What was still to be driven counted as driven outside, under the words "all figures are of the time until then".
+    #[test]
+    fn an_interrupted_run_is_judged_by_what_was_driven() {
+        let scenario = Scenario {
+            laps: 200,
+            ..Scenario::new("oval", "gopigo", "line")
+        };
+        let asked = Cell::new(0);
+        let mut ears = Ears {
+            interrupted: Box::new(|| {
+                asked.set(asked.get() + 1);
+                asked.get() == 60
+            }),
+            ..Ears::deaf()
+        };
+        let outcome = in_memory(&scenario, &mut ears).unwrap();
+        let summary = outcome.summary;
+        assert_eq!(outcome.ending, Ending::Interrupted);
+        assert!(!summary.completed && summary.completion.unwrap() < 0.01);
+        assert!(summary.lane_error_max_m.unwrap() < 0.05, "{summary:?}");
+        assert!(summary.heading_error_max_rad.unwrap() < 0.5, "{summary:?}");
     }
 }

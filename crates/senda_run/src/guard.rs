@@ -4,7 +4,26 @@ use senda_core::{Body, Command, Drive, Observation, Stamp, Turn};
 
 /// A vehicle that has not seen a picture for this long stops (s). At the documents' speeds (0.07 to 0.2 m/s) that is at
 /// most 10 cm driven blind. A guess, to be measured on hardware.
-const BLIND_LIMIT_S: f64 = 0.5;
+pub(crate) const BLIND_LIMIT_S: f64 = 0.5;
+
+/// Why the guard replaced a command by a stop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum GuardStop {
+    /// The newest picture was too old.
+    Blind,
+    /// The command was no number.
+    NoNumber,
+}
+
+impl GuardStop {
+    /// In words, for people.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Blind => "the guard stopped it: no picture younger than 0.5 s",
+            Self::NoNumber => "the guard stopped it: the driver's command was no number",
+        }
+    }
+}
 
 /// Lets only safe commands through: finite, within the vehicle's limits, and based on fresh pictures.
 #[derive(Debug, Clone)]
@@ -12,6 +31,7 @@ pub struct Guard {
     body: Body,
     last_picture: Option<Stamp>,
     stops: u64,
+    stop: Option<GuardStop>,
 }
 
 impl Guard {
@@ -21,12 +41,18 @@ impl Guard {
             body: body.clone(),
             last_picture: None,
             stops: 0,
+            stop: None,
         }
     }
 
     /// How many commands were replaced by a stop.
     pub fn stops(&self) -> u64 {
         self.stops
+    }
+
+    /// Why the last command was replaced; `None` where it was not.
+    pub fn stop(&self) -> Option<GuardStop> {
+        self.stop
     }
 
     /// The command that may be carried out: clamped to the vehicle's limits, or a stop where it is not finite or the
@@ -36,7 +62,12 @@ impl Guard {
         self.last_picture = newest.max(self.last_picture);
         let seen = self.last_picture.unwrap_or_default();
         let blind = !self.body.cameras.is_empty() && observation.stamp.since_s(seen) > BLIND_LIMIT_S;
-        if blind || !command.is_finite() {
+        self.stop = match (blind, command.is_finite()) {
+            (true, _) => Some(GuardStop::Blind),
+            (false, false) => Some(GuardStop::NoNumber),
+            (false, true) => None,
+        };
+        if self.stop.is_some() {
             self.stops += 1;
             return Command::STOP;
         }
@@ -140,6 +171,9 @@ mod tests {
         assert_eq!(guard.check(&at(0.0, true), go), go);
         assert_eq!(guard.check(&at(0.4, false), go), go);
         assert_eq!(guard.check(&at(0.6, false), go), Command::STOP);
+        assert_eq!(guard.stop(), Some(GuardStop::Blind));
+        assert!(GuardStop::Blind.words().contains(&format!("{BLIND_LIMIT_S} s")));
         assert_eq!(guard.check(&at(0.7, true), go), go);
+        assert_eq!(guard.stop(), None);
     }
 }

@@ -5,7 +5,7 @@ use senda_core::{Body, Command, Explanation, Observation, Truth};
 use senda_drivers::MissionOptions;
 use senda_drivers::loss::{GAVE_UP, STOPPED};
 use senda_eval::metrics::{self, Motion};
-use senda_eval::{Delivery, DeliveryRules, Odometer, OdometryError, Summary, delivery};
+use senda_eval::{Course, Delivery, DeliveryRules, Odometer, OdometryError, Summary, delivery};
 use senda_world::World;
 
 /// One row a step.
@@ -17,6 +17,8 @@ pub(crate) struct Log {
     accounts: Vec<Explanation>,
     digest: TrajectoryDigest,
     odometer: Option<Odometer>,
+    /// How many commands the guard replaced by a stop.
+    pub(crate) guard_stops: u64,
     pub(crate) frame_times_ns: Vec<u64>,
 }
 
@@ -29,6 +31,7 @@ impl Log {
             accounts: Vec::new(),
             digest: TrajectoryDigest::default(),
             odometer: Odometer::new(body),
+            guard_stops: 0,
             frame_times_ns: Vec::new(),
         }
     }
@@ -103,7 +106,13 @@ impl Log {
         ending: Ending,
     ) -> (Summary, Vec<u64>) {
         let course = referee::course(scenario, world);
-        let measured = metrics::measure(&course, &self.truths);
+        let mut measured = metrics::measure(&course, &self.truths);
+        if ending == Ending::Interrupted {
+            // Nobody knows how the rest would have been driven: the errors are of the way until then.
+            let until_then = Course { laps: None, ..course };
+            let driven = metrics::measure(&until_then, &self.truths);
+            (measured.lane_error, measured.heading_error) = (driven.lane_error, driven.heading_error);
+        }
         let times = self.motions.iter().map(|motion| motion.time_s);
         let losses = metrics::losses(times.zip(&self.accounts));
         let smoothness = metrics::smoothness(&self.motions);
@@ -121,6 +130,7 @@ impl Log {
             laps_wanted: course.laps,
             ended: ending.words().to_owned(),
             digest,
+            guard_stops: self.guard_stops,
             odometry: OdometryError::of(self.odometer.as_ref(), &self.truths),
             ..Summary::from_figures(&measured, &losses, &smoothness)
         };

@@ -1,5 +1,6 @@
 //! What to run: one TOML file or the flags of the command line, resolved to plain data.
 
+use crate::guard::BLIND_LIMIT_S;
 use crate::own_file::{self, Kind};
 pub use crate::start::StartOffset;
 use crate::{RunError, calibration, pilot, random, start::is_zero};
@@ -116,8 +117,20 @@ impl Scenario {
             )
         });
         let camera = calibration::note(&vehicle.body(), self.calibration.as_deref())?;
+        let age_s = self.latency_s + vehicle.cameras.first().map_or(0.0, |camera| camera.latency_s);
+        let late = (age_s > BLIND_LIMIT_S).then(|| {
+            format!(
+                "pictures reach the driver {age_s:.2} s old, and the guard stops a vehicle whose newest one is older than {BLIND_LIMIT_S} s: \
+                 it will not move"
+            )
+        });
         let of_mission = self.mission_notes();
-        Ok(speed.into_iter().chain(camera).chain(of_mission).collect())
+        Ok(speed
+            .into_iter()
+            .chain(camera)
+            .chain(late)
+            .chain(of_mission)
+            .collect())
     }
 
     /// What a delivery will not do though it is asked to.
