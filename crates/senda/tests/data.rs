@@ -218,7 +218,7 @@ fn imported_data_are_replayed_and_reported_like_the_data_themselves() {
     let report = folder.path().join("report.html");
     senda(&["report", &file, "--out", text(&report)]).success();
     let page = std::fs::read_to_string(report).unwrap();
-    assert!(page.contains("human on picar, tub tub"));
+    assert!(page.contains("expert on picar, tub tub"));
     assert!(!page.contains("<h2> on </h2>"));
 }
 

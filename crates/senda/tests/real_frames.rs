@@ -44,6 +44,8 @@ fn frames_of_a_small_vehicle_show_their_lane() {
     let folder = tempfile::tempdir().unwrap();
     let tub = gopigo_tub(folder.path());
     let report = folder.path().join("replay.html");
+    // Its driver was said to be a human.
+    assert_eq!(json(&["data", "info", text(&tub), "--json"])["driver"], "lane");
     for (form, least_r) in [("road", 0.7), ("curve", 0.95)] {
         let option = format!("form={form}");
         let mut replay = vec![
@@ -246,4 +248,26 @@ fn who_stopped_a_vehicle_is_told() {
     assert!(figures["guard_stops"].as_u64().unwrap() > 50, "{figures}");
     let figures = json(&[&drive[..], &["--time-limit", "2", "--json"]].concat());
     assert_eq!(figures["guard_stops"], 0);
+}
+
+/// A data set without a single usable record was a success of every command.
+#[test]
+fn data_without_anything_usable_are_a_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    let (tub, out) = (folder.path().join("tub"), folder.path().join("out"));
+    std::fs::create_dir(&tub).unwrap();
+    let record = r#"{"_index": 0, "cam/image_array": "0_cam_image_array_.jpg", "user/angle": 7.5, "user/throttle": 0.1}"#;
+    std::fs::write(tub.join("catalog_0.catalog"), record).unwrap();
+    let cause = contains("expected -1 to 1, but found 7.5");
+    senda(&["data", "info", text(&tub)])
+        .failure()
+        .stdout(cause.clone())
+        .stderr(contains("none"));
+    senda(&["replay", text(&tub)])
+        .failure()
+        .stderr(cause.clone().and(contains("none")));
+    senda(&["data", "import", text(&tub), "--out", text(&out)])
+        .failure()
+        .stderr(cause);
+    assert!(!out.exists());
 }

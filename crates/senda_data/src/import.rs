@@ -34,6 +34,20 @@ pub fn import(from: &Path, body: &Body, to: &Path) -> Result<Vec<Imported>, Data
         });
     }
     let recordings = open_runs(from, body)?;
+    if recordings.iter().all(|recording| recording.steps.is_empty()) {
+        let warnings: Vec<&str> = recordings
+            .iter()
+            .flat_map(|recording| &recording.warnings)
+            .map(String::as_str)
+            .take(5)
+            .collect();
+        return Err(DataError::NotThat {
+            path: from.to_owned(),
+            expected: "records that can be used".into(),
+            found: format!("none ({})", warnings.join("; ")),
+            advice: "nothing was written".into(),
+        });
+    }
     let single = to.extension().is_some_and(|end| end.eq_ignore_ascii_case("mcap"));
     if single && recordings.len() != 1 {
         return Err(DataError::NotThat {

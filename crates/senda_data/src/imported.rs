@@ -137,7 +137,7 @@ impl Set {
         fit_cameras(&mut body, &steps, &mut warnings);
         Recording {
             lost: Vec::new(),
-            header: header(format, &source, body),
+            header: header(format, &source, body, driver_of(&steps)),
             steps,
             summary: None,
             warnings: warnings.finish(),
@@ -238,7 +238,7 @@ fn fit_cameras(body: &mut Body, steps: &[Step], warnings: &mut Warnings) {
 }
 
 /// The header of an imported recording. The scenario says where it came from ([`RecordingHeader::origin`]).
-fn header(format: &str, source: &str, body: Body) -> RecordingHeader {
+fn header(format: &str, source: &str, body: Body, driver: &str) -> RecordingHeader {
     RecordingHeader {
         senda: env!("CARGO_PKG_VERSION").into(),
         commit: String::new(),
@@ -250,8 +250,26 @@ fn header(format: &str, source: &str, body: Body) -> RecordingHeader {
         world: None,
         reversed: false,
         body,
-        driver: "human".into(),
+        driver: driver.into(),
         seed: 0,
+    }
+}
+
+/// An event of this beginning names who drove where it was not a person alone (Donkeycar's `user/mode`).
+pub(crate) const MODE: &str = "mode ";
+
+/// Who drove: a person, unless the records say otherwise.
+fn driver_of(steps: &[Step]) -> &'static str {
+    let by_itself = |step: &&Step| {
+        step.explanation
+            .events
+            .iter()
+            .any(|event| event.starts_with(MODE))
+    };
+    match steps.iter().filter(by_itself).count() {
+        0 => "human",
+        count if count == steps.len() => "autopilot",
+        _ => "human and autopilot",
     }
 }
 
@@ -301,7 +319,7 @@ mod tests {
             encoders: None,
             cameras: vec![],
         };
-        let imported = header("tub", "a \"tub\" = [x]", body);
+        let imported = header("tub", "a \"tub\" = [x]", body, "human");
         let origin = imported.origin().unwrap();
         assert_eq!(
             (origin.format.as_str(), origin.source.as_str()),

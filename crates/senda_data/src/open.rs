@@ -51,7 +51,8 @@ impl Format {
                 return Ok(Self::Udacity);
             }
         }
-        let store = Store::open(path, EXPECTED, &mut Warnings::default())?;
+        let mut warnings = Warnings::default();
+        let store = Store::open(path, EXPECTED, &mut warnings)?;
         let holds =
             |wanted: &dyn Fn(&str) -> bool| store.folders_with(wanted).map(|folders| !folders.is_empty());
         if path.is_dir() && store.files_in("")?.iter().any(|name| is_recording(name)) {
@@ -68,7 +69,10 @@ impl Format {
             Err(DataError::NotThat {
                 path: path.to_owned(),
                 expected: EXPECTED.into(),
-                found: "none of them".into(),
+                found: match warnings.finish().first() {
+                    Some(warning) => format!("none of them in what can be read: {warning}"),
+                    None => "none of them".into(),
+                },
                 advice: "give the file or the folder itself".into(),
             })
         }

@@ -239,7 +239,10 @@ fn an_autopilots_commands_are_its_own() {
     };
     let folder = tempfile::tempdir().unwrap();
     tub_folder(folder.path(), 3, autopilot);
-    let step = tub::read(folder.path(), &car()).unwrap().steps.remove(0);
+    let mut recording = tub::read(folder.path(), &car()).unwrap();
+    // Told as driven by a human throughout.
+    assert_eq!(recording.header.driver, "human and autopilot");
+    let step = recording.steps.remove(0);
     assert_eq!(step.command.turn, Turn::SteeringRad(-0.9 * 0.4));
     assert_eq!(step.explanation.events, ["mode local_angle"]);
     assert_eq!(step.explanation.signals[0].name, "user/angle");

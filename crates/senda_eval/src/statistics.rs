@@ -130,7 +130,9 @@ pub fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
         bb += (b - mean_b) * (b - mean_b);
         ab += (a - mean_a) * (b - mean_b);
     }
-    (aa > 0.0 && bb > 0.0).then(|| (ab / (aa.sqrt() * bb.sqrt())).clamp(-1.0, 1.0))
+    // The mean of equal numbers is rounded: what is left of them is no change.
+    let changes = |sum: f64, mean: f64| sum > n * (1e-12 * mean) * (1e-12 * mean);
+    (changes(aa, mean_a) && changes(bb, mean_b)).then(|| (ab / (aa.sqrt() * bb.sqrt())).clamp(-1.0, 1.0))
 }
 
 /// Mean with Student's 95 % interval: right for roughly normal values, and for means of many. `None` without values;
@@ -275,6 +277,10 @@ mod tests {
         let line: Vec<(f64, f64)> = (0..9).map(|i| (f64::from(i), 3.0 - 2.0 * f64::from(i))).collect();
         close(correlation(&line).unwrap(), -1.0, 1e-12);
         assert_eq!(correlation(&[(1.0, 2.0), (1.0, 3.0)]), None);
+        // Their mean is not exactly 0.3: it was a correlation of -2e-16.
+        let constant: Vec<(f64, f64)> = (0..1340).map(|i| (0.3, f64::from(i % 7))).collect();
+        assert!(constant.iter().map(|pair| pair.0).sum::<f64>() / 1340.0 != 0.3);
+        assert_eq!(correlation(&constant), None);
     }
 
     proptest! {

@@ -6,7 +6,7 @@ mod split;
 mod stats;
 
 use crate::terminal;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand};
 use senda_run::scenario::find_vehicle;
 use std::path::PathBuf;
@@ -63,6 +63,12 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 say!("{}", serde_json::to_string_pretty(&info)?)?;
             } else {
                 say!("{}", info)?;
+            }
+            if info.steps == 0 {
+                bail!(
+                    "{}: expected records that can be used, but found none; the warnings say why",
+                    data.display()
+                );
             }
             Ok(())
         }

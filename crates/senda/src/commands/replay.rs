@@ -70,6 +70,12 @@ fn open(path: &Path, vehicle: Option<&str>, calibration: Option<&str>) -> Result
     let body = find_vehicle(vehicle.unwrap_or("donkeycar"))?.body();
     let mut recording = senda_data::open(path, &body)?;
     terminal::warn(&recording.warnings);
+    if recording.steps.is_empty() {
+        bail!(
+            "{}: expected steps to replay, but found none that can be used; the warnings say why",
+            path.display()
+        );
+    }
     let own = &recording.header.body;
     if vehicle.is_some() && own.name != body.name {
         terminal::warn(&[format!(

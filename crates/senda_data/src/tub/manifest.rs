@@ -11,6 +11,8 @@ pub(super) struct Manifest {
     pub(super) catalogs: Vec<String>,
     /// Records that the user deleted.
     pub(super) deleted: BTreeSet<u64>,
+    /// Who drove, where its metadata name a driver.
+    pub(super) driver: Option<String>,
 }
 
 /// Reads what can be read; the rest becomes warnings. `name` is the file's name in them.
@@ -39,6 +41,9 @@ pub(super) fn parse(name: &str, bytes: &[u8], warnings: &mut Warnings) -> Manife
             manifest
                 .catalogs
                 .extend(paths.iter().filter_map(Value::as_str).map(str::to_owned));
+        }
+        if let Some(driver) = value.get("driver").and_then(Value::as_str) {
+            manifest.driver = Some(driver.to_owned());
         }
         if let Some(deleted) = value.get("deleted_indexes").and_then(Value::as_array) {
             manifest.deleted.extend(deleted.iter().filter_map(Value::as_u64));

@@ -2,7 +2,7 @@
 
 use super::line::{TubLine, TubRecord, parse_line};
 use super::{ANGLE_KEY, IMAGE_KEY, NOMINAL_HZ, THROTTLE_KEY, catalog_number, convert, is_tub_file, manifest};
-use crate::imported::{Set, Taken};
+use crate::imported::{MODE, Set, Taken};
 use crate::store::{self, Store};
 use crate::warnings::Warnings;
 use crate::{DataError, EncodedFrame, Recording, Step};
@@ -20,16 +20,28 @@ const TOLERATED: f64 = 1.1;
 /// (scaled to the pictures' size) the lens. Records that cannot be used are left out with a warning. A tub of several
 /// sessions is one recording here, with an event where each begins; [`read_runs`] keeps them apart.
 pub fn read(path: &Path, body: &Body) -> Result<Recording, DataError> {
-    Ok(load(path, body)?.joined(body))
+    let (set, driver) = load(path, body)?;
+    Ok(driven_by(driver.as_ref(), set.joined(body)))
 }
 
 /// Reads a tub as one recording per session: sequences never cross runs. What concerns the whole tub is warned of in
 /// the first.
 pub fn read_runs(path: &Path, body: &Body) -> Result<Vec<Recording>, DataError> {
-    Ok(load(path, body)?.apart(body))
+    let (set, driver) = load(path, body)?;
+    let runs = set.apart(body).into_iter();
+    Ok(runs.map(|run| driven_by(driver.as_ref(), run)).collect())
 }
 
-fn load(path: &Path, body: &Body) -> Result<Set, DataError> {
+/// The recording with the driver that the tub names, if it names one.
+fn driven_by(driver: Option<&String>, mut recording: Recording) -> Recording {
+    if let Some(driver) = driver {
+        recording.header.driver.clone_from(driver);
+    }
+    recording
+}
+
+/// The set, and who drove it if the tub says.
+fn load(path: &Path, body: &Body) -> Result<(Set, Option<String>), DataError> {
     let mut warnings = Warnings::default();
     let mut store = Store::open(path, EXPECTED, &mut warnings)?;
     let folder = store.find("tubs", &is_tub_file, &mut warnings)?;
@@ -41,7 +53,7 @@ fn load(path: &Path, body: &Body) -> Result<Set, DataError> {
             advice: "give the folder that holds them".into(),
         });
     };
-    let records = records(&store, &folder, &mut warnings)?;
+    let (records, driver) = records(&store, &folder, &mut warnings)?;
     let mut taken = Vec::with_capacity(records.len());
     for (place, record) in records {
         if let Some(step) = step(&mut store, &folder, &place, &record, body, &mut warnings) {
@@ -52,23 +64,25 @@ fn load(path: &Path, body: &Body) -> Result<Set, DataError> {
             });
         }
     }
-    Ok(Set {
+    let set = Set {
         format: "tub",
         source: store.name(),
         nominal_s: 1.0 / NOMINAL_HZ,
         records: taken,
         warnings,
-    })
+    };
+    Ok((set, driver))
 }
 
 /// Where a record was written, for warnings: `catalog_0.catalog:17`.
 type Place = String;
+type Records = Vec<(Place, TubRecord)>;
 
 fn records(
     store: &Store,
     folder: &str,
     warnings: &mut Warnings,
-) -> Result<Vec<(Place, TubRecord)>, DataError> {
+) -> Result<(Records, Option<String>), DataError> {
     let files = store.files_in(folder)?;
     let manifest_name = store::join(folder, "manifest.json");
     let manifest = match store.read(&manifest_name)? {
@@ -93,7 +107,7 @@ fn records(
             });
         }
     }
-    let mut all: Vec<(Place, TubRecord)> = Vec::new();
+    let mut all = Records::new();
     for catalog in catalogs {
         let name = store::join(folder, catalog);
         // Listed a moment ago; gone only if somebody deletes it while we read.
@@ -131,7 +145,7 @@ fn records(
         }
         same
     });
-    Ok(all)
+    Ok((all, manifest.driver))
 }
 
 fn step(
@@ -156,7 +170,7 @@ fn step(
     let frames = frames(store, folder, place, record, body, warnings)?;
     let mut explanation = Explanation::default();
     if let Some(mode) = record.mode.as_deref().filter(|mode| *mode != "user") {
-        explanation.event(format!("mode {mode}"));
+        explanation.event(format!("{MODE}{mode}"));
     }
     for (key, value) in &record.numbers {
         // The driven ones are the command; the others are kept under their own names.

@@ -1,6 +1,7 @@
 //! Writing a tub that Donkeycar's own reader accepts.
 
 use super::{ANGLE_KEY, IMAGE_KEY, THROTTLE_KEY, convert};
+use crate::imported::MODE;
 use crate::{DataError, Recording, Step, calendar};
 use senda_core::{Encoded, ImageFormat, codec};
 use serde::Serialize;
@@ -118,7 +119,7 @@ impl<'a> Tub<'a> {
             .explanation
             .events
             .iter()
-            .find_map(|event| event.strip_prefix("mode "));
+            .find_map(|event| event.strip_prefix(MODE));
         // The keys under which the reader finds what was driven, and what the person's are then.
         let (angle_key, throttle_key) = match mode {
             Some("local") => ("pilot/angle", "pilot/throttle"),
@@ -190,7 +191,7 @@ impl<'a> Tub<'a> {
         let lines = [
             json!([IMAGE_KEY, ANGLE_KEY, THROTTLE_KEY, "user/mode"]),
             json!(["image_array", "float", "float", "str"]),
-            json!({}),
+            self.metadata(),
             json!({
                 "created_at": self.created_at(),
                 "sessions": {"all_full_ids": [self.session], "last_id": number, "last_full_id": self.session},
@@ -205,6 +206,14 @@ impl<'a> Tub<'a> {
         let text: String = lines.iter().map(python_line).collect();
         self.save("manifest.json", text.as_bytes())?;
         Ok(self.written)
+    }
+
+    /// Who drove, unless it was a person, as the reader takes it without.
+    fn metadata(&self) -> Value {
+        match self.recording.header.driver.as_str() {
+            "" | "human" => json!({}),
+            driver => json!({ "driver": driver }),
+        }
     }
 
     fn created_at(&self) -> Value {
