@@ -26,12 +26,12 @@ pub use timeline::Timeline;
 
 /// Variables of the light form, as CSS declarations.
 pub const PALETTE_LIGHT: &str = "--surface:#ffffff;--ink:#1a2026;--ink-2:#55606b;--ink-3:#8b96a1;--grid:#e6e9ec;--axis:#b6bec6;\
---s0:#0072b2;--s1:#d55e00;--s2:#009e73;--s3:#b3588f;--s4:#b88600;--s5:#3a9bd0;--s6:#5b5b5b;--alarm:#c8102e;\
+--s0:#0072b2;--s1:#d55e00;--s2:#009e73;--s3:#b3588f;--s4:#b88600;--s5:#8c564b;--s6:#5b5b5b;--alarm:#c8102e;\
 --band:rgba(0,158,115,.10);--span:rgba(200,16,46,.12);--road:#eceff1;--road-line:#9aa5af;";
 
 /// Variables of the dark form, as CSS declarations.
 pub const PALETTE_DARK: &str = "--surface:#171d23;--ink:#e9edf0;--ink-2:#a9b4be;--ink-3:#78838e;--grid:#29323a;--axis:#4a555f;\
---s0:#4db1ee;--s1:#ff8c42;--s2:#37c99b;--s3:#e08fbf;--s4:#e9bb3f;--s5:#8fd0f5;--s6:#b5bcc3;--alarm:#ff6477;\
+--s0:#4db1ee;--s1:#ff8c42;--s2:#37c99b;--s3:#e08fbf;--s4:#e9bb3f;--s5:#c49c94;--s6:#b5bcc3;--alarm:#ff6477;\
 --band:rgba(55,201,155,.12);--span:rgba(255,100,119,.16);--road:#222a31;--road-line:#5d6873;";
 
 /// Style rules of all figures; classes begin with `sp-`.
