@@ -1,8 +1,8 @@
 //! The driver that is told the true state: for measuring, and for labels that a camera driver learns from.
 
 use crate::follow::{FollowOptions, Follower, Form, LineState, track_m, wheel_speeds};
-use crate::motion::CommandModel;
 use crate::options::{DriverError, check};
+use crate::response::{ModelBank, Swing};
 use crate::speed::SpeedOptions;
 use senda_core::{Body, Command, Explanation, Observation, PrivilegedDriver, Stamp, Truth};
 use senda_geom::{Curve, Pose2, Vec3, angle};
@@ -79,6 +79,7 @@ pub struct ExpertDriver {
     speed_mps: f64,
     /// What the vehicle was told last: when, speed (m/s), yaw rate (rad/s).
     told: Option<(Stamp, f64, f64)>,
+    swing: Swing,
     log: Log,
 }
 
@@ -107,6 +108,7 @@ impl ExpertDriver {
             last_stamp: None,
             speed_mps: 0.0,
             told: None,
+            swing: Swing::default(),
             log: Log::default(),
         })
     }
@@ -118,6 +120,7 @@ impl ExpertDriver {
             *speed_mps = self.body.speed_of(command);
             *yaw_rate_radps = self.body.yaw_rate_of(command.turn, *speed_mps);
         }
+        self.swing = Swing::default();
     }
 
     /// Aims this far to the left of the path (m) from now on.
@@ -211,6 +214,10 @@ impl PrivilegedDriver for ExpertDriver {
 
         let steer = self.follower.step(state, self.speed_mps, dt_s);
         self.told = Some((stamp, self.speed_mps, steer.yaw_rate_radps));
+        let most_radps = self.follower.yaw_rate_limit_radps(self.speed_mps);
+        if self.swing.step(steer.yaw_rate_radps / most_radps) {
+            self.models.distrust_slow();
+        }
         self.log = Log {
             state,
             desired_angle_rad: steer.desired_angle_rad,
@@ -252,85 +259,6 @@ impl PrivilegedDriver for ExpertDriver {
             inside.then_some([pixel.x as f32, pixel.y as f32])
         });
         explanation.polyline(points, "#2ecc40", false);
-    }
-}
-
-/// One guess at how the vehicle responds.
-struct Model {
-    delay_s: f64,
-    lag_s: f64,
-    motion: CommandModel,
-    /// Mean squared difference between guessed and true yaw rate, forgetting over some seconds (rad²/s²).
-    error: f64,
-}
-
-/// Guesses at delay and lag side by side; the one that explains the true yaw rate best is used.
-struct ModelBank {
-    models: Vec<Model>,
-    best: usize,
-}
-
-/// Part of the old error that a step keeps: a memory of some 60 steps.
-const ERROR_KEPT: f64 = 0.984;
-
-impl ModelBank {
-    fn new(delay_s: Option<f64>, lag_s: Option<f64>) -> Self {
-        let delays: Vec<f64> =
-            delay_s.map_or_else(|| (0..=12).map(|i| 0.025 * f64::from(i)).collect(), |d| vec![d]);
-        let lags: Vec<f64> =
-            lag_s.map_or_else(|| vec![0.0, 0.04, 0.08, 0.12, 0.18, 0.25, 0.4], |lag| vec![lag]);
-        let mut models = Vec::with_capacity(delays.len() * lags.len());
-        for delay_s in &delays {
-            for lag_s in &lags {
-                models.push(Model {
-                    delay_s: *delay_s,
-                    lag_s: *lag_s,
-                    motion: CommandModel::new(*delay_s, *lag_s),
-                    error: 0.0,
-                });
-            }
-        }
-        // Until something is known: 0.1 s of delay and 0.08 s of lag, a toy's order of magnitude (guess).
-        let best = models
-            .iter()
-            .enumerate()
-            .min_by(|(_, a), (_, b)| {
-                let distance = |m: &Model| (m.delay_s - 0.1).abs() + (m.lag_s - 0.08).abs();
-                distance(a).total_cmp(&distance(b))
-            })
-            .map_or(0, |(index, _)| index);
-        Self { models, best }
-    }
-
-    fn best(&self) -> &Model {
-        &self.models[self.best]
-    }
-
-    fn observe(&mut self, stamp: Stamp, truth: &Truth) {
-        for model in &mut self.models {
-            model.motion.advance(stamp, None);
-            let miss = model.motion.yaw_rate_radps() - truth.yaw_rate_radps;
-            model.error = ERROR_KEPT * model.error + (1.0 - ERROR_KEPT) * miss * miss;
-            // What is true now is the starting point of the next guess; only the response in between is judged.
-            model.motion.correct(truth.speed_mps, truth.yaw_rate_radps);
-        }
-        let least = self
-            .models
-            .iter()
-            .enumerate()
-            .min_by(|(_, a), (_, b)| a.error.total_cmp(&b.error));
-        if let Some((index, model)) = least {
-            // Changing needs a clear gain: on a straight all guesses are equally good.
-            if model.error < 0.8 * self.best().error - 1e-7 {
-                self.best = index;
-            }
-        }
-    }
-
-    fn command(&mut self, stamp: Stamp, speed_mps: f64, yaw_rate_radps: f64) {
-        for model in &mut self.models {
-            model.motion.command(stamp, speed_mps, yaw_rate_radps);
-        }
     }
 }
 

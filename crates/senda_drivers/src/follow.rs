@@ -155,11 +155,15 @@ impl Follower {
         }
     }
 
+    /// The most that is asked for at a speed of the vehicle (rad/s; m/s).
+    pub fn yaw_rate_limit_radps(&self, speed_mps: f64) -> f64 {
+        self.yaw_rate_limit_radps
+            .min(self.curvature_limit_per_m * speed_mps.abs().max(1e-3))
+    }
+
     /// One step: the line's state, the speed (m/s) and the time since the last step (s).
     pub fn step(&mut self, state: LineState, speed_mps: f64, dt_s: f64) -> Steer {
-        let limit_radps = self
-            .yaw_rate_limit_radps
-            .min(self.curvature_limit_per_m * speed_mps.abs().max(1e-3));
+        let limit_radps = self.yaw_rate_limit_radps(speed_mps);
         let options = &self.options;
         let (desired_angle_rad, yaw_rate_radps) = match self.form {
             Form::Document => {

@@ -64,6 +64,7 @@ pub mod neural;
 mod options;
 mod path_memory;
 pub mod pid;
+mod response;
 mod road_vote;
 pub mod sight;
 pub mod speed;
