@@ -282,3 +282,64 @@ mod terminal {
         assert_eq!(speeds.last(), Some(&0.0));
     }
 }
+
+/// Throttle was 0.6 all along (8 of 13.4 m/s) and brake 0, also while the car was stopping.
+#[test]
+fn a_persons_lap_in_the_car_says_how_far_the_pedals_were_pressed() {
+    let folder = tempfile::tempdir().unwrap();
+    let keys = folder.path().join("keys.txt");
+    std::fs::write(&keys, "0 go\n9 stop\n11 quit\n").unwrap();
+    let (runs, log) = (folder.path().join("runs"), folder.path().join("log"));
+    senda(&[
+        "drive",
+        "--world",
+        "lake",
+        "--vehicle",
+        "sedan",
+        "--mode",
+        "manual",
+        "--speed",
+        "8",
+        "--image",
+        "32x16",
+        "--keys",
+        text(&keys),
+        "--record",
+        text(&runs),
+    ])
+    .success();
+    let own = runs.join("lake-sedan-manual-1.mcap");
+    senda(&[
+        "data",
+        "export",
+        text(&own),
+        "--format",
+        "udacity",
+        "--out",
+        text(&log),
+    ])
+    .success();
+    let rows: Vec<Vec<f64>> = std::fs::read_to_string(log.join("driving_log.csv"))
+        .unwrap()
+        .lines()
+        .map(|row| {
+            row.split(',')
+                .skip(3)
+                .map(|field| field.parse().unwrap())
+                .collect()
+        })
+        .collect();
+    let [throttle, brake] = [1, 2];
+    assert_eq!(rows[0][throttle], 1.0, "it sets off");
+    let cruising = &rows[8 * 14];
+    assert!(
+        cruising[throttle] > 0.01 && cruising[throttle] < 0.15,
+        "{cruising:?}"
+    );
+    assert_eq!(cruising[brake], 0.0);
+    let stopping = &rows[9 * 14 + 7];
+    assert!(
+        stopping[brake] == 1.0 && stopping[throttle] == 0.0,
+        "{stopping:?}"
+    );
+}

@@ -60,6 +60,15 @@ pub struct Explanation {
 }
 
 impl Explanation {
+    /// Name of the signal that says how far a pedal is pressed (-1..1), by the driver or by the vehicle's own speed control.
+    pub const PEDAL: &'static str = "pedal";
+
+    /// The last value of a number in this step.
+    pub fn signal_named(&self, name: &str) -> Option<f64> {
+        let found = self.signals.iter().rfind(|signal| signal.name == name);
+        found.map(|signal| signal.value)
+    }
+
     /// Empties it.
     pub fn clear(&mut self) {
         self.signals.clear();

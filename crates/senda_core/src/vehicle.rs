@@ -55,6 +55,13 @@ pub trait Vehicle {
     /// Takes a command. It holds until the next one.
     fn actuate(&mut self, command: &Command) -> Result<(), VehicleError>;
 
+    /// The pedal (-1..1) that the vehicle's own speed control presses for a command in m/s at the last observation, where it has
+    /// pedals; `None` for a command that is one.
+    fn pedal(&self, command: &Command) -> Option<f64> {
+        let _ = command;
+        None
+    }
+
     /// The true state at the last observation, where the vehicle knows it.
     fn truth(&self) -> Option<&Truth> {
         None

@@ -1,7 +1,7 @@
 //! A whole recorded run in memory.
 
 use crate::{DataError, RecordingWriter, reader};
-use senda_core::{Body, Command, Encoded, Explanation, Frame, Observation, Stamp, Truth, Wheels};
+use senda_core::{Body, Command, Drive, Encoded, Explanation, Frame, Observation, Stamp, Truth, Wheels};
 use serde::{Deserialize, Serialize};
 use std::io::{Seek, Write};
 use std::path::Path;
@@ -77,6 +77,17 @@ pub struct Step {
 }
 
 impl Step {
+    /// How far a pedal was pressed (-1..1): by the command, or by the vehicle's own speed control where it was recorded.
+    pub fn pedal(&self) -> Option<f64> {
+        match self.command.drive {
+            Drive::Throttle(pedal) => Some(pedal),
+            Drive::SpeedMps(_) => self
+                .explanation
+                .signal_named(Explanation::PEDAL)
+                .filter(|pedal| pedal.is_finite()),
+        }
+    }
+
     /// The observation of this step. Frames that cannot be decoded are left out; their number is the second value.
     pub fn observation(&self) -> (Observation, usize) {
         let mut observation = Observation::default();

@@ -195,7 +195,7 @@ impl PrivilegedDriver for HumanDriver {
     fn explain(&self, explanation: &mut Explanation) {
         self.expert.explain(explanation);
         explanation.signal("aim_m", self.wander.value);
-        explanation.signal("pedal", self.pedal);
+        explanation.signal(Explanation::PEDAL, self.pedal);
         explanation.signal("steering", self.steering);
     }
 }

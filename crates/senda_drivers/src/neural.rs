@@ -78,8 +78,9 @@ impl Answer {
         matches!(self, Self::Steering | Self::Curvature)
     }
 
-    /// What a network should answer where this command is right.
-    pub fn target(self, body: &Body, command: &Command) -> f64 {
+    /// What a network should answer where this command is right. `pedal` is how far the vehicle's own speed control presses
+    /// its pedal for a command in m/s, where it has one; without, a throttle is the part of top speed.
+    pub fn target(self, body: &Body, command: &Command, pedal: Option<f64>) -> f64 {
         let speed_mps = body.speed_of(command);
         match self {
             Self::Steering => {
@@ -93,7 +94,7 @@ impl Answer {
             Self::Speed => speed_mps / body.speed_limit_mps,
             Self::Throttle => match command.drive {
                 Drive::Throttle(part) => part,
-                Drive::SpeedMps(speed) => speed / body.speed_limit_mps,
+                Drive::SpeedMps(speed) => pedal.unwrap_or(speed / body.speed_limit_mps),
             },
         }
     }

@@ -365,7 +365,7 @@ fn one(brief: &Brief, spec: &VehicleSpec, model: Option<&Model>, number: u64) ->
             let pixels = eye.see_bytes(&frame.image);
             if step >= gathering.skip_frames {
                 for (target, answer) in targets.iter_mut().zip(answers) {
-                    *target = answer.target(&body, &right) as f32;
+                    *target = answer.target(&body, &right, simulator.pedal(&right)) as f32;
                 }
                 samples.push(pixels, &targets);
             }

@@ -8,6 +8,7 @@ use senda_data::{EncodedFrame, Recording, Step};
 use senda_drivers::{Answer, is_gap};
 use senda_geom::Camera;
 use senda_nets::{FrameStack, InputSpec, Preparer};
+use senda_run::Scenario;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -212,6 +213,14 @@ impl Data {
                 ));
             }
         }
+        if answers.contains(&Answer::Throttle)
+            && kept.iter().any(|step| step.pedal().is_none())
+            && has_pedals(recording)
+        {
+            self.warnings.push(format!(
+                "{name}: it says how fast to go and not how far a pedal was pressed; throttle is learned as the part of top speed, which is not what holds that speed: record it anew with this senda"
+            ));
+        }
         let world = recording
             .header
             .world
@@ -334,13 +343,21 @@ fn prepare(
         .iter()
         .map(|answer| {
             let shift = if answer.is_turn() { shift } else { 0.0 };
-            (answer.target(body, &step.command) + shift) as f32
+            (answer.target(body, &step.command, step.pedal()) + shift) as f32
         })
         .collect();
     match targets.iter().find(|target| !is_possible(**target)) {
         Some(target) => Err(format!("a label of {target}, where -1 to 1 is usual")),
         None => Ok((bytes, targets)),
     }
+}
+
+/// Whether the vehicle that was driven has an engine and brakes, as far as its name is known here.
+fn has_pedals(recording: &Recording) -> bool {
+    let scenario: Option<Scenario> = toml::from_str(&recording.header.scenario).ok();
+    scenario
+        .and_then(|scenario| scenario.resolve_vehicle().ok())
+        .is_some_and(|vehicle| vehicle.engine.is_some())
 }
 
 /// Whether a run says anything of motion. Names of pictures tell neither speed nor throttle (FORMATS 4), and taking that for

@@ -2,11 +2,13 @@
 
 mod support;
 
+use senda_core::Explanation;
 use senda_data::Recording;
 use senda_drivers::Answer;
 use senda_learn::gather::{Selection, recordings};
 use senda_learn::{LearnError, Samples};
 use senda_nets::InputSpec;
+use senda_run::Scenario;
 use std::path::PathBuf;
 use support::{car, network, recording};
 
@@ -43,6 +45,26 @@ fn everything() -> Selection {
         skip_first: 0,
         ..Selection::default()
     }
+}
+
+/// The part of top speed was learned as a throttle: a network that had learned to hold 8 m/s drove at 12.
+#[test]
+fn a_throttle_is_the_pedal_that_held_the_speed_and_its_absence_is_said() {
+    let mut run = recording(5, "lake", &["center"]);
+    run.header.scenario = Scenario::new("lake", "sedan", "manual").to_toml();
+    let throttle =
+        |run: &Recording| read(std::slice::from_ref(run), &[Answer::Throttle], &everything()).unwrap();
+    let (_, warnings) = throttle(&run);
+    assert!(
+        warnings.len() == 1 && warnings[0].contains("part of top speed"),
+        "{warnings:?}"
+    );
+    for step in &mut run.steps {
+        step.explanation.signal(Explanation::PEDAL, 0.04);
+    }
+    let (samples, warnings) = throttle(&run);
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_eq!(samples.target(0), [0.04]);
 }
 
 #[test]

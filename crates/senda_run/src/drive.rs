@@ -254,6 +254,9 @@ pub(crate) fn steps<W: Write + Seek>(
             explanation.event(stop.words());
         }
         log.guard_stops = guard.stops();
+        if let Some(pedal) = vehicle.pedal(&command) {
+            explanation.signal(Explanation::PEDAL, pedal);
+        }
         log.explained(&explanation);
         if let Some(recorder) = recorder {
             recorder.step(&observation, &command, vehicle.truth(), &explanation)?;

@@ -163,6 +163,17 @@ impl Dynamics {
         &self.body
     }
 
+    /// The pedal (-1..1) that the speed control presses now for a command in m/s, on a vehicle with an engine.
+    pub fn pedal(&self, command: &Command) -> Option<f64> {
+        let engine = self.spec.engine.as_ref()?;
+        let Drive::SpeedMps(wanted_mps) = command.drive else {
+            return None;
+        };
+        let [left_mps, right_mps] = self.state.wheels_mps;
+        let wanted_mps = wanted_mps.min(self.spec.speed_limit_mps);
+        Some(engine.throttle_for(wanted_mps, 0.5 * (left_mps + right_mps)))
+    }
+
     /// Puts the vehicle somewhere else, as a hand would; speeds stay.
     pub fn place(&mut self, world_from_vehicle: Pose2) {
         self.state.world_from_vehicle = world_from_vehicle;

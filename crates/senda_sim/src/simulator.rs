@@ -262,6 +262,10 @@ impl Vehicle for Simulator {
         Ok(())
     }
 
+    fn pedal(&self, command: &Command) -> Option<f64> {
+        self.dynamics.pedal(command)
+    }
+
     fn truth(&self) -> Option<&Truth> {
         Some(&self.truth)
     }

@@ -115,6 +115,7 @@ impl<'a> Tub<'a> {
         let picture = format!("{index}_{}_.jpg", IMAGE_KEY.replace('/', "_"));
         self.save(&format!("images/{picture}"), &jpeg)?;
         let (angle, throttle) = convert::tub_from_command(&self.recording.header.body, &step.command);
+        let throttle = step.pedal().map_or(throttle, |pedal| pedal.clamp(-1.0, 1.0));
         let mode = step
             .explanation
             .events

@@ -74,7 +74,7 @@ pub fn write(recording: &Recording, folder: &Path, options: &UdacityOptions) -> 
         if columns.iter().all(String::is_empty) {
             continue;
         }
-        let (steering, throttle, brake) = convert::log_from_command(body, &step.command);
+        let (steering, throttle, brake) = convert::log_from_step(body, step);
         let speed_mps = step.speed_mps.or(step.truth.map(|truth| truth.speed_mps));
         let speed_mph = speed_mps.unwrap_or(0.0) / convert::MPS_PER_MPH;
         let [center, left, right] = columns;
