@@ -9,6 +9,7 @@ use senda_learn::gather::Selection;
 use senda_nets::{Edges, InputSpec, Network, View};
 use senda_run::Scenario;
 use senda_run::scenario::{StartOffset, find_vehicle, find_world};
+use senda_world::VehicleSpec;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -269,7 +270,12 @@ impl Jobs {
             tasks: Vec::new(),
             by_key: BTreeMap::new(),
             worlds: BTreeMap::new(),
-            vehicle: vehicle.to_toml(),
+            // Plans say how fast; what a vehicle does without a word is no part of a lap.
+            vehicle: VehicleSpec {
+                cruise_mps: None,
+                ..vehicle
+            }
+            .to_toml(),
         };
         builder.refuse_seen(plan)?;
         let mut recordings: BTreeMap<Purpose, Vec<usize>> = BTreeMap::new();

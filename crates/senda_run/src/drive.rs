@@ -83,7 +83,7 @@ fn named(scenario: &Scenario) -> impl FnOnce(&Body, &World) -> Result<Pilot, Run
             &scenario.driver,
             body,
             Some(&world.path),
-            scenario.speed_mps,
+            scenario.at_cruising_speed()?.speed_mps,
             &scenario.resolve_driver_options(),
         )
     }
@@ -109,6 +109,7 @@ fn run_with<W: Write + Seek>(
     ears: &mut Ears,
 ) -> Result<(Outcome, Option<W>), RunError> {
     scenario.check()?;
+    let scenario = &scenario.at_cruising_speed()?;
     let world = scenario.resolve_world()?;
     let spec = scenario.resolve_vehicle()?;
     scenario.start.check_with(&world, &spec)?;

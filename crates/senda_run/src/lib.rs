@@ -15,6 +15,7 @@ pub mod drive;
 pub mod error;
 pub mod guard;
 mod log;
+mod notes;
 mod own_file;
 pub mod photograph;
 pub mod pilot;

@@ -36,6 +36,8 @@ pub struct VehicleSpec {
     pub axle_from_rear_m: f64,
     /// Top speed (m/s).
     pub speed_limit_mps: f64,
+    /// Speed (m/s) of a run for which nobody says one; `None`: the driver's own.
+    pub cruise_mps: Option<f64>,
     /// Largest yaw rate that it can reach (rad/s).
     pub yaw_rate_limit_radps: f64,
     /// Time between observations (s).
@@ -106,6 +108,7 @@ impl VehicleSpec {
         let length_m = table.required_f64("length_m", 0.01, 20.0)?;
         let axle_from_rear_m = table.f64("axle_from_rear_m", 0.0, 20.0, length_m * 0.25)?;
         let speed_limit_mps = table.required_f64("speed_limit_mps", 0.01, 100.0)?;
+        let cruise_mps = table.optional_f64("cruise_mps", 0.01, speed_limit_mps)?;
         let tightest_radps = match steering {
             Steering::Differential { track_m } => 2.0 * speed_limit_mps / track_m,
             Steering::Ackermann {
@@ -191,6 +194,7 @@ impl VehicleSpec {
             length_m,
             axle_from_rear_m,
             speed_limit_mps,
+            cruise_mps,
             yaw_rate_limit_radps,
             period_s,
             drive,
@@ -215,6 +219,9 @@ impl VehicleSpec {
         document.number("length_m", self.length_m);
         document.number("axle_from_rear_m", self.axle_from_rear_m);
         document.number("speed_limit_mps", self.speed_limit_mps);
+        if let Some(cruise_mps) = self.cruise_mps {
+            document.number("cruise_mps", cruise_mps);
+        }
         document.number("yaw_rate_limit_radps", self.yaw_rate_limit_radps);
         document.number("period_s", self.period_s);
         document.header("steering");
@@ -290,6 +297,7 @@ impl VehicleSpec {
     pub fn with_top_speed(mut self, speed_limit_mps: f64) -> Self {
         self.yaw_rate_limit_radps *= speed_limit_mps / self.speed_limit_mps;
         self.speed_limit_mps = speed_limit_mps;
+        self.cruise_mps = self.cruise_mps.map(|cruise_mps| cruise_mps.min(speed_limit_mps));
         self
     }
 

@@ -12,6 +12,7 @@ use senda_eval::Summary;
 use senda_run::{
     Scenario,
     drive::{self, Ending},
+    scenario::usual_vehicle,
 };
 use std::{
     fs::File,
@@ -28,7 +29,7 @@ pub(crate) struct ScenarioFlags {
     /// Ready world, world file or `random-line:SEED` (`senda world list` shows the names)
     #[arg(long, value_name = "WORLD")]
     pub(crate) world: Option<String>,
-    /// Ready vehicle or vehicle file
+    /// Ready vehicle or vehicle file [usual: the one that `senda world list` names for --world]
     #[arg(long, value_name = "VEHICLE")]
     pub(crate) vehicle: Option<String>,
     /// line, lane, hough, neural, mission, expert or human
@@ -103,7 +104,10 @@ impl ScenarioFlags {
     pub(crate) fn scenario(&self) -> Result<Scenario> {
         let scenario = match &self.scenario {
             Some(path) => Scenario::load(path)?,
-            None => Scenario::new("oval", "gopigo", "line"),
+            None => {
+                let world = self.world.as_deref().unwrap_or("oval");
+                Scenario::new(world, usual_vehicle(world), "line")
+            }
         };
         self.over(scenario)
     }
@@ -213,6 +217,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let mut scenario = arguments.flags.scenario()?;
     let hands = arguments.hands.prepare(mode, &arguments.flags, &mut scenario)?;
     scenario.check_driver_options(arguments.flags.scenario.as_deref())?;
+    let scenario = scenario.at_cruising_speed()?;
     super::warn_of(&scenario)?;
     let record = match (&arguments.record, mode.is_training()) {
         (None, true) => Some(PathBuf::from("recordings")),

@@ -4,7 +4,10 @@ use super::write_file;
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand};
-use senda_run::{random, scenario::find_world};
+use senda_run::{
+    random,
+    scenario::{find_world, usual_vehicle},
+};
 use senda_world::{
     FLOOR_PRESETS, LIGHT_PRESETS, VehicleSpec, World,
     draw::{self, Ink, Paper, Print, PrintOptions},
@@ -318,9 +321,13 @@ fn list(json: bool) -> Result<()> {
     });
     let worlds: Vec<_> = worlds.map(pair).collect();
     let vehicles: Vec<_> = vehicles.map(pair).collect();
+    let mut listed_worlds = listed(&worlds);
+    for (entry, (name, _)) in listed_worlds.iter_mut().zip(&worlds) {
+        entry["vehicle"] = usual_vehicle(name).into();
+    }
     if json {
         let all = json!({
-            "worlds": listed(&worlds),
+            "worlds": listed_worlds,
             "families": listed(&random::FAMILIES),
             "vehicles": listed(&vehicles),
             "floors": FLOOR_PRESETS,
@@ -329,12 +336,16 @@ fn list(json: bool) -> Result<()> {
         });
         return terminal::print(&serde_json::to_string_pretty(&all)?);
     }
-    say!("worlds")?;
+    say!("worlds, and the vehicle that they are for")?;
     for (name, description) in worlds {
-        say!("  {name:22} {description}")?;
+        say!("  {name:22} {:14}  {description}", usual_vehicle(&name))?;
     }
     for (name, description) in random::FAMILIES {
-        say!("  {:22} {description}", format!("{name}:SEED"))?;
+        say!(
+            "  {:22} {:14}  {description}",
+            format!("{name}:SEED"),
+            usual_vehicle(name)
+        )?;
     }
     say!("\nvehicles")?;
     for (name, description) in vehicles {

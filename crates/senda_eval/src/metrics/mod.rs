@@ -40,13 +40,19 @@ pub struct Course<'a> {
 }
 
 impl<'a> Course<'a> {
-    /// The course that a world lays out, for a number of laps (see [`Course::laps`]).
+    /// The course that a world lays out, for a number of laps (see [`Course::laps`]): at most one on an open path.
     pub fn of(world: &'a World, laps: Option<f64>) -> Self {
         Self {
             path: &world.path,
             corridor_half_width_m: world.corridor_half_width_m,
             start_station_m: world.start_station_m,
-            laps,
+            laps: laps.map(|laps| {
+                if world.path.is_closed() {
+                    laps
+                } else {
+                    laps.min(1.0)
+                }
+            }),
             open_end_m: 0.0,
         }
     }
