@@ -67,6 +67,7 @@ mod tests {
             speed_limit_mps: 16.0,
             yaw_rate_limit_radps: 2.0,
             period_s: 0.07,
+            encoders: None,
             cameras: vec![],
         };
         let mut step = Step {
