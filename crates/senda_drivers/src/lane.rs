@@ -41,7 +41,7 @@ pub struct LaneOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LaneShape {
-    /// Distance between the lines (m), where it is known beforehand: helps to choose among several lines and tells the
+    /// Distance between the lines (m), where it is known beforehand: lines at another distance are no lane, and it tells the
     /// side of a single one. Left out: measured.
     pub width_m: Option<f64>,
     /// Narrower pairs are one broken line (m). C8: 0.03.

@@ -27,6 +27,8 @@ pub(crate) struct PairSearch {
 
 /// Only so many candidates, those with the largest scores, are tried.
 const CANDIDATES_LIMIT: usize = 8;
+/// A pair whose width differs by more than this part from the one that was given is not the lane (guess).
+const OTHER_WIDTH_PART: f64 = 0.35;
 
 impl PairSearch {
     /// The two candidates that most look like a lane around the vehicle. `known_m` is the width expected, where there is
@@ -52,6 +54,11 @@ impl PairSearch {
                     continue;
                 };
                 let width_m = beside.offset_m;
+                // Half as wide are an edge and the line between the two.
+                let is_other = |given_m: f64| (width_m / given_m - 1.0).abs() > OTHER_WIDTH_PART;
+                if shape.width_m.is_some_and(is_other) {
+                    continue;
+                }
                 if width_m < shape.narrowest_m
                     || width_m > shape.widest_m
                     || beside.spread_m > 0.015 + 0.12 * width_m

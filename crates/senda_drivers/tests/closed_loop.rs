@@ -324,6 +324,22 @@ fn the_documents_lane_form_follows_gentle_curves() {
     arrives(&lap, run.goal_m, 0.06, 0.12);
 }
 
+/// An edge and the line in the middle were taken for the lane: half a lane from its middle, the lap was driven.
+#[test]
+fn where_the_width_is_given_a_centre_line_is_no_edge() {
+    let body = gopigo(160, 120);
+    for path in [circle(0.5), s_curve(0.8)] {
+        let mut floor = two_lines(&path, 0.15, 0.018);
+        floor.stripe(&path, 0.018, 230, None);
+        let mut options = lane(Form::Curve, 0.16);
+        options.shape.width_m = Some(0.3);
+        let mut run = Loop::new(&body, &floor, &path);
+        run.goal_m = path.length_m() - 0.7;
+        let lap = run.drive(&mut LaneDriver::new(&body, options).unwrap());
+        arrives(&lap, run.goal_m, 0.01, 0.03);
+    }
+}
+
 #[test]
 fn a_dashed_centre_line_between_the_edges_does_not_matter() {
     let body = gopigo(160, 120);
