@@ -349,6 +349,7 @@ fn body() -> Body {
         speed_limit_mps: 2.0,
         yaw_rate_limit_radps: 5.0,
         period_s: 0.05,
+        encoders: None,
         cameras: Vec::new(),
     }
 }
