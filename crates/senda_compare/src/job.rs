@@ -9,9 +9,9 @@ use senda_learn::gather::Selection;
 use senda_nets::{Edges, InputSpec, Network, View};
 use senda_run::Scenario;
 use senda_run::scenario::{StartOffset, find_vehicle, find_world};
-use senda_world::VehicleSpec;
+use senda_world::{VehicleSpec, World};
 use sha2::{Digest, Sha256};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, btree_map::Entry};
 use std::path::PathBuf;
 
 /// What is to be done.
@@ -165,12 +165,24 @@ struct Builder {
 }
 
 /// What jobs need of a world.
-#[derive(Clone)]
 struct KnownWorld {
     length_m: f64,
     toml: String,
     /// As TOML without name and description: equal for the same world under another name.
     content: String,
+}
+
+impl KnownWorld {
+    fn of(mut world: World) -> Self {
+        let toml = world.to_toml();
+        world.name.clear();
+        world.description.clear();
+        Self {
+            length_m: world.path.length_m(),
+            toml,
+            content: world.to_toml(),
+        }
+    }
 }
 
 impl Builder {
@@ -201,21 +213,11 @@ impl Builder {
         index
     }
 
-    fn world(&mut self, name: &str) -> Result<KnownWorld, CompareError> {
-        if let Some(known) = self.worlds.get(name) {
-            return Ok(known.clone());
+    fn world(&mut self, name: &str) -> Result<&KnownWorld, CompareError> {
+        match self.worlds.entry(name.to_owned()) {
+            Entry::Occupied(known) => Ok(known.into_mut()),
+            Entry::Vacant(place) => Ok(place.insert(KnownWorld::of(find_world(name)?))),
         }
-        let mut world = find_world(name)?;
-        let toml = world.to_toml();
-        world.name.clear();
-        world.description.clear();
-        let known = KnownWorld {
-            length_m: world.path.length_m(),
-            toml,
-            content: world.to_toml(),
-        };
-        self.worlds.insert(name.to_owned(), known.clone());
-        Ok(known)
     }
 
     /// Refuses worlds that judge and were learned from or tuned on, whatever they are called.
@@ -224,17 +226,18 @@ impl Builder {
             ("[data] held_out", &plan.data.held_out),
             ("[judging] worlds", &plan.judging.worlds),
         ];
+        let mut seen = BTreeMap::new();
         for learned in plan.data.training.iter().chain(&plan.data.tuning) {
-            let content = self.world(learned)?.content;
-            for (key, worlds) in judges {
-                for world in worlds {
-                    if self.world(world)?.content == content {
-                        return Err(CompareError::Seen {
-                            key,
-                            world: world.clone(),
-                            learned: learned.clone(),
-                        });
-                    }
+            seen.insert(self.world(learned)?.content.clone(), learned);
+        }
+        for (key, worlds) in judges {
+            for world in worlds {
+                if let Some(learned) = seen.get(&self.world(world)?.content) {
+                    return Err(CompareError::Seen {
+                        key,
+                        world: world.clone(),
+                        learned: (*learned).clone(),
+                    });
                 }
             }
         }
@@ -250,8 +253,8 @@ impl Builder {
         cost_s: f64,
         title: String,
     ) -> Result<usize, CompareError> {
-        let world = self.world(&scenario.world)?.toml;
-        let what = format!("{}\n{}\n{world}", scenario.to_toml(), self.vehicle);
+        let mut what = format!("{}\n{}\n", scenario.to_toml(), self.vehicle);
+        what += &self.world(&scenario.world)?.toml;
         let work = Box::new(scenario.clone());
         let work = match kind {
             "record" => Work::Record(work),

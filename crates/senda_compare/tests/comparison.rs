@@ -78,18 +78,22 @@ than = ["grey/steering"]
     Plan::parse("tiny.toml", &text).unwrap()
 }
 
+fn crew<'a>(threads: usize, interrupted: &'a (dyn Fn() -> bool + Sync)) -> Crew<'a> {
+    Crew {
+        threads,
+        progress: &|progress| assert!((0.0..=1.0).contains(&progress.part)),
+        interrupted,
+        clock_ns: &|| 0,
+    }
+}
+
 fn work(
     comparison: &Comparison,
     part: PartOf,
     threads: usize,
     interrupted: &(dyn Fn() -> bool + Sync),
 ) -> bool {
-    let crew = Crew {
-        threads,
-        progress: &|progress| assert!((0.0..=1.0).contains(&progress.part)),
-        interrupted,
-        clock_ns: &|| 0,
-    };
+    let crew = crew(threads, interrupted);
     !comparison.work(part, &crew).unwrap().interrupted
 }
 
@@ -405,12 +409,7 @@ fn a_damaged_recording_is_not_learned_from() {
         let bytes = std::fs::read(&path).unwrap();
         std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
     }
-    let crew = Crew {
-        threads: 1,
-        progress: &|_| {},
-        interrupted: &|| false,
-        clock_ns: &|| 0,
-    };
+    let crew = crew(1, &|| false);
     let error = comparison.work(PartOf::WHOLE, &crew).unwrap_err().to_string();
     assert!(
         error.contains(".mcap") && error.contains("delete the file and run the comparison again"),
@@ -426,12 +425,7 @@ fn a_folder_serves_one_process_at_a_time_and_only_comparisons_are_joined() {
     std::fs::create_dir(&there).unwrap();
     let other = std::fs::File::create(there.join(".lock")).unwrap();
     other.lock().unwrap();
-    let crew = Crew {
-        threads: 1,
-        progress: &|_| {},
-        interrupted: &|| true,
-        clock_ns: &|| 0,
-    };
+    let crew = crew(1, &|| true);
     let error = comparison.work(PartOf::WHOLE, &crew).unwrap_err().to_string();
     assert!(error.contains("another `senda compare`"), "{error}");
     drop(other);
