@@ -2,6 +2,7 @@
 
 use super::kernel::STEPS_PER_TEXEL;
 use super::texture::MipTexture;
+use senda_core::threads::both;
 use senda_geom::{angle, trig};
 use std::f64::consts::PI;
 use std::sync::OnceLock;
@@ -101,26 +102,34 @@ fn panorama(room: &Lit) -> MipTexture {
         .map(|i| trig::sincos((i as f64 + 0.5) / ACROSS as f64 / Backdrop::TEXELS_PER_RAD - PI))
         .collect();
     let byte = |value: f64| (255.0 * value.min(1.0).sqrt()).round() as u8;
-    let mut turn = Vec::with_capacity(TEXELS_PER_TURN);
-    let mut texels = Vec::with_capacity(columns * rows);
-    for j in 0..rows {
-        let slopes: [f64; UP] = std::array::from_fn(|k| {
-            let row = j as f64 + (k as f64 + 0.5) / UP as f64 - BELOW as f64;
-            trig::tan((row / Backdrop::TEXELS_PER_RAD).min(1.55))
-        });
-        turn.clear();
-        turn.extend(directions.chunks_exact(ACROSS).map(|directions| {
-            let mut light = [0.0; 3];
-            for slope in slopes {
-                for (sin, cos) in directions {
-                    let sample = room.radiance(*cos, *sin, slope);
-                    light = [0, 1, 2].map(|c| light[c] + sample[c].min(1.0) / (ACROSS * UP) as f64);
+    let mut texels = vec![[0; 4]; columns * rows];
+    let draw = |part: &mut [[u8; 4]], first: usize| {
+        let mut turn = Vec::with_capacity(TEXELS_PER_TURN);
+        for (j, row) in part.chunks_exact_mut(columns).enumerate() {
+            let slopes: [f64; UP] = std::array::from_fn(|k| {
+                let row = (first + j) as f64 + (k as f64 + 0.5) / UP as f64 - BELOW as f64;
+                trig::tan((row / Backdrop::TEXELS_PER_RAD).min(1.55))
+            });
+            turn.clear();
+            turn.extend(directions.chunks_exact(ACROSS).map(|directions| {
+                let mut light = [0.0; 3];
+                for slope in slopes {
+                    for (sin, cos) in directions {
+                        let sample = room.radiance(*cos, *sin, slope);
+                        light = [0, 1, 2].map(|c| light[c] + sample[c].min(1.0) / (ACROSS * UP) as f64);
+                    }
                 }
+                [byte(light[0]), byte(light[1]), byte(light[2]), 0]
+            }));
+            for (i, texel) in row.iter_mut().enumerate() {
+                *texel = turn[(i + TEXELS_PER_TURN - MARGIN) % TEXELS_PER_TURN];
             }
-            [byte(light[0]), byte(light[1]), byte(light[2]), 0]
-        }));
-        texels.extend((0..columns).map(|i| turn[(i + TEXELS_PER_TURN - MARGIN) % TEXELS_PER_TURN]));
-    }
+        }
+    };
+    // Rows near the horizon are dearer: walls, windows, hills.
+    let middle = 2 * rows / 5;
+    let (low, high) = texels.split_at_mut(columns * middle);
+    both(columns * rows, || draw(low, 0), || draw(high, middle));
     let outside = texels[0];
     MipTexture::new(columns, rows, &texels, outside)
 }

@@ -2,6 +2,7 @@
 
 use super::backdrop::Backdrop;
 use super::kernel::{Detail, GROUP, Group, Groups, LEVELS, Positions, SLOTS, STEPS_PER_TEXEL};
+use senda_core::threads::both;
 use senda_geom::{Camera, Vec2, Vec3, angle, trig};
 
 /// Rays flatter than this (vertical part of the unit direction) meet the floor no nearer than 2,000 camera heights.
@@ -67,10 +68,24 @@ impl RayTable {
         let groups_per_row = width.div_ceil(GROUP);
         let columns = groups_per_row * GROUP;
         let turn = camera.mounting.vehicle_from_camera();
-        let rays: Vec<Vec3> = (0..height)
-            .flat_map(|v| (0..columns).map(move |u| Vec2::new(u as f64 + 0.5, v as f64 + 0.5)))
-            .map(|pixel| turn * camera.lens.ray(pixel))
-            .collect();
+        let mut rays = vec![Vec3::ZERO; columns * height];
+        let cast = |rows: &mut [Vec3], first: usize| {
+            for (i, ray) in rows.iter_mut().enumerate() {
+                let pixel = Vec2::new(
+                    (i % columns) as f64 + 0.5,
+                    (first + i / columns) as f64 + 0.5,
+                );
+                *ray = turn * camera.lens.ray(pixel);
+            }
+        };
+        let middle = height / 2;
+        let (upper, lower) = rays.split_at_mut(columns * middle);
+        // A ray costs as much as several texels do.
+        both(
+            8 * columns * height,
+            || cast(upper, 0),
+            || cast(lower, middle),
+        );
         let ray = |u: usize, v: usize| rays[v * columns + u];
         let floor_of = |ray: Vec3| {
             let reach = camera.mounting.z_m / (-ray.z).max(FLATTEST);

@@ -26,8 +26,9 @@ pub(crate) struct Arguments {
     /// Take only so many convolutions of it: those before the classes
     #[arg(long, value_name = "N", requires = "weights")]
     convolutions: Option<usize>,
-    /// Go on from this model (fine-tuning), which keeps its network and its input size
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["network", "input"])]
+    /// Go on from this model (fine-tuning), which keeps its layers; with `--input` they look at larger or smaller
+    /// pictures than before
+    #[arg(long, value_name = "FILE", conflicts_with = "network")]
     from: Option<PathBuf>,
     /// Passes over the pictures
     #[arg(long, value_name = "N")]
@@ -195,7 +196,16 @@ fn begin(arguments: &Arguments, classes: &[String], seed: u64) -> Result<Model> 
                 path.display()
             );
         }
-        return Ok(model);
+        let (Some([width, height]), Some(detection)) = (arguments.input, model.detection.clone()) else {
+            return Ok(model);
+        };
+        let before = Darknet {
+            network: model.network,
+            detection,
+            warnings: vec![],
+        };
+        let after = before.with_input(width as usize, height as usize)?;
+        return Ok(after.into_model(model.weights));
     }
     let mut darknet = Darknet::find(&arguments.network)?.with_classes(classes)?;
     for warning in &darknet.warnings {
