@@ -169,6 +169,8 @@ fn a_set_replaces_only_a_set() {
     std::fs::remove_file(set.join("train/notes.md")).unwrap();
     std::fs::write(set.join("mine.jpg"), "mine").unwrap();
     make("2").failure().stderr(contains("mine.jpg"));
+    std::fs::remove_file(set.join("mine.jpg")).unwrap();
+    senda(&["detector", "data", text(&set), "--vehicle", "nobody"]).failure();
     assert_eq!(count(), 2, "nothing is touched");
 }
 

@@ -39,6 +39,25 @@ impl Default for Scenes {
     }
 }
 
+impl Scenes {
+    /// The vehicle with the image size.
+    ///
+    /// # Errors
+    /// When it is not found or has no camera.
+    pub fn vehicle(&self) -> Result<VehicleSpec, LearnError> {
+        let [width, height] = self.image_px;
+        let spec = senda_run::scenario::find_vehicle(&self.vehicle)?.with_camera_size(width, height);
+        if spec.cameras.is_empty() {
+            return Err(LearnError::Option {
+                key: "vehicle",
+                expected: "one with a camera".into(),
+                found: self.vehicle.clone(),
+            });
+        }
+        Ok(spec)
+    }
+}
+
 /// A picture and what is in it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shot {
@@ -62,37 +81,32 @@ const LIGHTS: usize = 4;
 /// angles up to 55°, some while the vehicle turns. Pictures with something that nobody could label (half hidden, or almost
 /// too small) are taken anew. Number and seed decide everything about a picture, so threads do not matter.
 ///
+/// Every picture goes to `keep` as soon as its turn has come; fewer than asked for only after an interruption.
+///
 /// # Errors
-/// When the vehicle is not found or has no camera.
-pub fn shots(
+/// Those of [`Scenes::vehicle`], and what `keep` says.
+pub fn shots<E: From<LearnError>>(
     scenes: &Scenes,
-    progress: &(dyn Fn(usize) + Sync),
     interrupted: &(dyn Fn() -> bool + Sync),
-) -> Result<Vec<Shot>, LearnError> {
-    let [width, height] = scenes.image_px;
-    let spec = senda_run::scenario::find_vehicle(&scenes.vehicle)?.with_camera_size(width, height);
-    if spec.cameras.is_empty() {
-        return Err(LearnError::Option {
-            key: "vehicle",
-            expected: "one with a camera".into(),
-            found: scenes.vehicle.clone(),
-        });
-    }
-    let mut all: Vec<Shot> = Vec::with_capacity(scenes.count);
+    keep: &mut dyn FnMut(Shot) -> Result<(), E>,
+) -> Result<(), E> {
+    let spec = scenes.vehicle()?;
+    let mut left = scenes.count;
     let mut world = scenes.first_world;
     // Several at a time; a group's size is fixed so that the same pictures are taken on every machine.
     const GROUP: u64 = 4;
-    while all.len() < scenes.count && !interrupted() {
+    while left > 0 && !interrupted() {
         let group: Vec<Vec<Shot>> = (world..world + GROUP)
             .into_par_iter()
             .map(|seed| of_world(&spec, seed))
             .collect::<Result<_, LearnError>>()?;
         world += GROUP;
-        all.extend(group.into_iter().flatten());
-        progress(all.len().min(scenes.count));
+        for shot in group.into_iter().flatten().take(left) {
+            keep(shot)?;
+            left -= 1;
+        }
     }
-    all.truncate(scenes.count);
-    Ok(all)
+    Ok(())
 }
 
 fn of_world(spec: &VehicleSpec, seed: u64) -> Result<Vec<Shot>, LearnError> {

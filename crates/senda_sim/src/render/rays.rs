@@ -71,21 +71,14 @@ impl RayTable {
         let mut rays = vec![Vec3::ZERO; columns * height];
         let cast = |rows: &mut [Vec3], first: usize| {
             for (i, ray) in rows.iter_mut().enumerate() {
-                let pixel = Vec2::new(
-                    (i % columns) as f64 + 0.5,
-                    (first + i / columns) as f64 + 0.5,
-                );
+                let pixel = Vec2::new((i % columns) as f64 + 0.5, (first + i / columns) as f64 + 0.5);
                 *ray = turn * camera.lens.ray(pixel);
             }
         };
         let middle = height / 2;
         let (upper, lower) = rays.split_at_mut(columns * middle);
         // A ray costs as much as several texels do.
-        both(
-            8 * columns * height,
-            || cast(upper, 0),
-            || cast(lower, middle),
-        );
+        both(8 * columns * height, || cast(upper, 0), || cast(lower, middle));
         let ray = |u: usize, v: usize| rays[v * columns + u];
         let floor_of = |ray: Vec3| {
             let reach = camera.mounting.z_m / (-ray.z).max(FLATTEST);

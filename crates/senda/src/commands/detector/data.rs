@@ -106,32 +106,30 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
         bail!("--train, --valid: expected at least one picture, but found 0 of both");
     }
     check_folder(folder)?;
-    let bar = terminal::bar("taking pictures");
-    let total = arguments.train + arguments.valid;
-    let mut boxes = [0usize; CLASSES.len()];
-    let mut taken = 0;
-    for (name, count, first_world) in [
+    let sets = [
         ("train", arguments.train, arguments.first_world),
         ("valid", arguments.valid, arguments.first_valid_world),
-    ] {
+    ];
+    let sets = sets.map(|(name, count, first_world)| {
         let scenes = Scenes {
             vehicle: arguments.vehicle.clone(),
             image_px: arguments.image,
             first_world,
             count,
         };
-        let progress = |done: usize| bar.set_position((1000 * (taken + done) / total) as u64);
-        let shots = shots(&scenes, &progress, &terminal::interrupted)?;
-        if terminal::interrupted() {
-            bail!(terminal::Interrupted(": the data set is not whole".to_owned()));
-        }
-        if name == "train" {
-            remove_set(folder)?;
-        }
+        (name, scenes)
+    });
+    sets[0].1.vehicle()?;
+    remove_set(folder)?;
+    let bar = terminal::bar("taking pictures");
+    let total = arguments.train + arguments.valid;
+    let mut boxes = [0usize; CLASSES.len()];
+    let mut taken = 0;
+    for (name, scenes) in sets {
         std::fs::create_dir_all(folder.join(name))
             .with_context(|| format!("cannot make folder {}", folder.join(name).display()))?;
         let mut list = String::new();
-        for shot in &shots {
+        shots(&scenes, &terminal::interrupted, &mut |shot| {
             let picture = format!("{name}/{}.jpg", shot.name);
             write(&folder.join(&picture), &shot.picture.bytes)?;
             let labels = labels_to_text(&shot.labels);
@@ -144,9 +142,16 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
             for label in &shot.labels {
                 boxes[label.class] += 1;
             }
+            taken += 1;
+            bar.set_position((1000 * taken / total) as u64);
+            Ok::<_, anyhow::Error>(())
+        })?;
+        if terminal::interrupted() {
+            bail!(terminal::Interrupted(
+                ": the data set is not whole and has no set.data; start again".to_owned()
+            ));
         }
         write_file(&folder.join(format!("{name}.txt")), list.as_bytes())?;
-        taken += count;
     }
     bar.finish_and_clear();
     let data = DataFile {
