@@ -4,6 +4,7 @@
 use assert_cmd::Command;
 use predicates::prelude::*;
 use predicates::str::contains;
+use std::path::Path;
 
 fn senda(arguments: &[&str]) -> assert_cmd::assert::Assert {
     Command::cargo_bin("senda")
@@ -96,4 +97,32 @@ fn a_trained_detector_can_be_chosen() {
     senda(&["--option", &lane])
         .failure()
         .stderr(contains("expected a detector"));
+}
+
+/// The vehicle file's own battery counts, in the drive and in its replay; it was the cart's for every vehicle.
+#[test]
+fn a_mission_ends_at_the_voltage_of_its_vehicles_battery() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let cart = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../vehicles/warehouse-cart.toml");
+    let cart = std::fs::read_to_string(cart).unwrap();
+    let line = cart.lines().find(|line| line.starts_with("empty_v")).unwrap();
+    let (weak, runs) = (at("weak.toml"), at("runs"));
+    std::fs::write(&weak, cart.replace(line, "empty_v = 99.0")).unwrap();
+    let told = json(&[
+        "--vehicle",
+        weak.to_str().unwrap(),
+        "--time-limit",
+        "3",
+        "--image",
+        "160x120",
+        "--record",
+        runs.to_str().unwrap(),
+        "--json",
+    ]);
+    let reason = told["reason"]["text"].as_str().unwrap();
+    assert!(reason.contains("below 99.0 V"), "{reason}");
+    let recording = std::fs::read_dir(&runs).unwrap().next().unwrap().unwrap().path();
+    let mut replay = Command::cargo_bin("senda").unwrap();
+    replay.arg("replay").arg(&recording).assert().success();
 }

@@ -207,6 +207,25 @@ fn broken_sets_and_files_are_refused_with_words() {
     fails(&[&["train", text(&data)], &other[..]].concat(), "--network");
     senda(&["detector", "export", text(&own), text(&at("dark"))]).success();
     let weights = at("dark/detector.weights");
+    // Back again, it is the same detector.
+    let [cfg, names] = ["dark/detector.cfg", "dark/detector.names"].map(at);
+    let back = at("back.senda");
+    let import = [
+        "import",
+        text(&cfg),
+        text(&weights),
+        text(&names),
+        "-o",
+        text(&back),
+    ];
+    senda(&[&["detector"], &import[..]].concat()).success();
+    let scores =
+        |model: &Path| json(&["detector", "evaluate", text(model), text(&data), "--json"])["scores"].clone();
+    assert_eq!(scores(&own), scores(&back));
+    std::fs::write(&names, "lamp\n").unwrap();
+    fails(&import, "detector.names: expected 4 names");
+    fails(&[&import[..3], &[text(&data)]].concat(), "expected 4 names");
+    fails(&["import", text(&cfg), text(&names), text(&names)], "expected");
     fails(
         &[
             "train",

@@ -97,8 +97,8 @@ impl Delivery {
         }
     }
 
-    /// Where the mission gave up or turned back with its package, in its own words; else the last thing that it reported. `None` of
-    /// a whole delivery.
+    /// Where the mission gave up or turned back with its package, in its own words. `None` of a whole delivery, and where the run
+    /// ended without either.
     pub fn reason(&self) -> Option<&Event> {
         let turned = |event: &&Event| {
             event.text.split_once(" -> ").is_some_and(|(from, to)| {
@@ -107,8 +107,7 @@ impl Delivery {
             })
         };
         let whole = self.is_whole();
-        let reason = self.events.iter().find(turned).or(self.events.last());
-        reason.filter(|_| !whole)
+        self.events.iter().find(turned).filter(|_| !whole)
     }
 
     /// For people: one line a fact.

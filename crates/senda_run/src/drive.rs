@@ -76,9 +76,10 @@ pub fn run<W: Write + Seek>(
     run_by(scenario, named(scenario), sink, ears)
 }
 
-/// Seats the driver that the scenario names.
-fn named(scenario: &Scenario) -> impl FnOnce(&Body, &World) -> Result<Pilot, RunError> {
-    |body, world| {
+/// Seats the driver that the scenario names, with what its vehicle and its seed say.
+pub fn named(scenario: &Scenario) -> impl FnOnce(&Body, &World) -> Result<Pilot, RunError> + use<> {
+    let scenario = scenario.clone();
+    move |body, world| {
         Pilot::named(
             &scenario.driver,
             body,
@@ -240,6 +241,7 @@ pub(crate) fn steps<W: Write + Seek>(
     let mut guard = Guard::new(vehicle.body());
     let mut observation = Observation::default();
     let mut explanation = Explanation::default();
+    let mut said = None;
     while vehicle.observe(&mut observation)? {
         let began_ns = (ears.clock_ns)();
         let command = guard.check(&observation, pilot.drive(&observation, vehicle.truth()));
@@ -251,9 +253,11 @@ pub(crate) fn steps<W: Write + Seek>(
         );
         explanation.clear();
         pilot.explain(&mut explanation);
-        if let Some(stop) = guard.stop() {
+        // Once, not at every step of a gap.
+        if let Some(stop) = guard.stop().filter(|stop| said != Some(*stop)) {
             explanation.event(stop.words());
         }
+        said = guard.stop();
         log.guard_stops = guard.stops();
         if let Some(pedal) = vehicle.pedal(&command) {
             explanation.signal(Explanation::PEDAL, pedal);

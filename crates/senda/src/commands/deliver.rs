@@ -35,7 +35,8 @@ pub(crate) struct Arguments {
 #[derive(Serialize)]
 struct Outcome<'a> {
     world: &'a str,
-    package: Option<&'a str>,
+    /// As asked for, or the one that the world shows.
+    package: Option<String>,
     seed: u64,
     /// Whether the delivery was whole.
     completed: bool,
@@ -63,6 +64,12 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         None => Scenario::new("warehouse", "warehouse-cart", "mission"),
     };
     let scenario = arguments.flags.over(base)?;
+    if scenario.driver != "mission" {
+        bail!(
+            "--driver: expected mission, which delivers, but found {}; `senda drive` drives with any",
+            scenario.driver
+        );
+    }
     scenario.check_driver_options(arguments.flags.scenario.as_deref())?;
     super::warn_of(&scenario)?;
     check(&scenario)?;
@@ -85,7 +92,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     if arguments.json {
         let outcome = Outcome {
             world: &scenario.world,
-            package: scenario.package.as_deref(),
+            package: scenario
+                .package
+                .clone()
+                .or(delivery.goal.map(|goal| format!("I{goal}"))),
             seed: scenario.seed,
             completed: delivery.is_whole(),
             reason: delivery.reason(),

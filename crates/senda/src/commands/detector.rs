@@ -1,6 +1,7 @@
 //! `senda detector`: signs and lights in pictures (D7 in SPEC).
 
 mod classical;
+mod darknet;
 mod data;
 mod train;
 
@@ -58,6 +59,21 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Make a model of darknet's `.cfg`, `.weights` and `.names`, as they are
+    Import {
+        /// Network: a `.cfg` file, or a ready detector's name
+        cfg: PathBuf,
+        /// `.weights` file, which must fit exactly
+        weights: PathBuf,
+        /// `.names` file: a class a line
+        names: PathBuf,
+        /// Where the model is written
+        #[arg(short, long, value_name = "FILE", default_value = "detector.senda")]
+        out: PathBuf,
+        /// Print the result as JSON
+        #[arg(long)]
+        json: bool,
+    },
     /// Write a detector as darknet's `.cfg`, `.weights` and `.names`
     Export {
         /// Model file
@@ -94,7 +110,14 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             out,
             json,
         } => find(&model, &picture, threshold, out.as_deref(), json),
-        Command::Export { model, folder, json } => train::export(&model, &folder, json),
+        Command::Import {
+            cfg,
+            weights,
+            names,
+            out,
+            json,
+        } => darknet::import(&cfg, &weights, &names, &out, json),
+        Command::Export { model, folder, json } => darknet::export(&model, &folder, json),
     }
 }
 
@@ -132,6 +155,7 @@ fn judge(model: &Path, file: &Path, threshold: f32, of_training: bool, json: boo
         let value = serde_json::json!({
             "pictures": pictures,
             "threshold": threshold,
+            "classes": names,
             "scores": scores,
             "ms_per_picture": ms,
         });

@@ -7,7 +7,7 @@ use clap::Args;
 use senda_core::Body;
 use senda_drivers::manual::Wheel;
 use senda_drivers::{Hands, KeyScript, ManualDriver, ManualOptions};
-use senda_run::{Ears, Pilot, RunError, Scenario, pilot::MANUAL};
+use senda_run::{Ears, Pilot, RunError, Scenario, drive::named, pilot::MANUAL};
 use senda_world::World;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -127,16 +127,7 @@ pub(crate) fn seat(
     ears: &mut Ears<'_>,
 ) -> Result<Seat> {
     let Some(prepared) = hands else {
-        let scenario = scenario.clone();
-        return Ok(Box::new(move |body, world| {
-            Pilot::named(
-                &scenario.driver,
-                body,
-                Some(&world.path),
-                scenario.speed_mps,
-                &scenario.driver_options,
-            )
-        }));
+        return Ok(Box::new(named(scenario)));
     };
     let mut options: ManualOptions = scenario
         .driver_options

@@ -133,7 +133,7 @@ pub enum When {
     GoalsCode,
     /// The code of another depot has been read since the last stop.
     OthersCode,
-    /// A crossing is close ahead and no code has been read.
+    /// A crossing is close ahead and the code that belongs before it has not been read.
     CrossingWithoutCode,
     /// It stands square before the crossing.
     Aligned,
@@ -167,6 +167,8 @@ pub enum When {
     TimeOver,
     /// The battery is empty (D13).
     BatteryEmpty,
+    /// No picture has come for long.
+    Blind,
 }
 
 impl When {
@@ -194,6 +196,7 @@ impl When {
             Self::LineFound => "line found",
             Self::TimeOver => "time over",
             Self::BatteryEmpty => "battery empty",
+            Self::Blind => "no pictures",
         }
     }
 }
@@ -226,7 +229,10 @@ const fn go(from: Step, when: When, to: Step) -> Transition {
     }
 }
 
-/// The chart. Beside it, [`When::BatteryEmpty`] leads from every step but [`Step::Home`] to [`Step::Failed`].
+/// What leads from every step but [`Step::Home`] to [`Step::Failed`].
+pub const ALWAYS: [When; 2] = [When::BatteryEmpty, When::Blind];
+
+/// The chart, beside [`ALWAYS`].
 #[rustfmt::skip]
 pub const CHART: &[Transition] = &[
     go(Step::WaitPackage,   When::PackageRead,         Step::ToArea),
@@ -268,6 +274,7 @@ pub const CHART: &[Transition] = &[
     go(Step::StopAtDepot,   When::TimeOver,            Step::Failed),
     go(Step::Unload,        When::TimeOver,            Step::Return),
     go(Step::Return,        When::StartsCode,          Step::ToStart),
+    go(Step::Return,        When::CrossingWithoutCode, Step::Failed),
     go(Step::Return,        When::JunctionAhead,       Step::CrossBack),
     go(Step::Return,        When::LineLost,            Step::FindLine),
     go(Step::Return,        When::TimeOver,            Step::Failed),
@@ -293,18 +300,14 @@ pub fn mermaid() -> String {
     for transition in CHART {
         let to = match transition.to {
             To::Step(step) => step.name(),
-            To::Back => "[*]",
+            To::Back => "before",
         };
-        let back = if transition.to == To::Back {
-            ", back to the step before"
-        } else {
-            ""
-        };
-        text += &format!(
-            "    {} --> {to}: {}{back}\n",
-            transition.from.name(),
-            transition.when.words()
-        );
+        let (from, words) = (transition.from.name(), transition.when.words());
+        text += &format!("    {from} --> {to}: {words}\n");
+    }
+    text += "    before: the step before\n    any: any step but home\n";
+    for when in ALWAYS {
+        text += &format!("    any --> failed: {}\n", when.words());
     }
     text += "    home --> [*]\n    failed --> [*]\n";
     text

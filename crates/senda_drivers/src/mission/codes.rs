@@ -8,8 +8,9 @@ pub(super) struct Codes {
     pub(super) package: Option<u8>,
     /// Two packages that were seen at once, about as large.
     rivals: Option<[u8; 2]>,
-    /// For how many readings after that only one has been seen.
+    /// In how many readings the same package, and no other, has been seen.
     alone: u32,
+    candidate: Option<u8>,
 }
 
 /// A code for this vehicle.
@@ -22,7 +23,7 @@ enum Code {
 
 /// A code larger than this part of the largest may be as near (guess).
 const LIKE: f32 = 0.8;
-/// After two packages were seen one is alone when the other was missing in so many readings (1 s): one frame may fail to show it.
+/// A package is the one when so many readings in a row that show any showed it alone (1 s): a frame may fail to show another.
 const ALONE: u32 = 10;
 
 /// What a text says; other codes are none of this vehicle's business.
@@ -64,8 +65,11 @@ impl Codes {
             self.rivals = rivals;
             return rivals.filter(|_| are_new);
         }
+        if self.candidate.replace(number) != Some(number) {
+            self.alone = 0;
+        }
         self.alone += 1;
-        if self.rivals.is_none() || self.alone >= ALONE {
+        if self.alone >= ALONE {
             self.package = Some(number);
         }
         None
@@ -80,10 +84,12 @@ mod tests {
     #[test]
     fn of_several_codes_the_largest_counts() {
         let mut codes = Codes::default();
-        assert_eq!(
-            codes.take([("I0", 131.0), ("F3", 90.0), ("I2", 99.0), ("F1", 80.0)].into_iter()),
-            None
-        );
+        let seen = [("I0", 131.0), ("F3", 90.0), ("I2", 99.0), ("F1", 80.0)];
+        assert_eq!(codes.take(seen.into_iter()), None);
+        assert_eq!(codes.package, None, "another may come into view");
+        for _ in 1..ALONE {
+            codes.take(seen.into_iter());
+        }
         assert_eq!((codes.package, codes.depot), (Some(0), Some(3)));
     }
 
@@ -105,8 +111,17 @@ mod tests {
         assert_eq!(codes.package, Some(0));
         // The same code twice is one package.
         let mut codes = Codes::default();
-        codes.take([("I1", 100.0), ("I1", 99.0)].into_iter());
+        for _ in 0..ALONE {
+            codes.take([("I1", 100.0), ("I1", 99.0)].into_iter());
+        }
         assert_eq!(codes.package, Some(1));
+        // One that is read first, beside one that is read a little later.
+        let mut codes = Codes::default();
+        for _ in 1..ALONE {
+            codes.take([("I0", 100.0)].into_iter());
+        }
+        assert_eq!(codes.take(both.into_iter()), Some([0, 2]));
+        assert_eq!(codes.package, None);
     }
 
     #[test]
@@ -127,7 +142,9 @@ mod tests {
         ];
         codes.take(foreign.into_iter().map(|text| (text, 100.0)));
         assert!(codes.depot.is_none() && codes.package.is_none() && !codes.start);
-        codes.take(["F2", "I7", "P"].into_iter().map(|text| (text, 100.0)));
+        for _ in 0..ALONE {
+            codes.take(["F2", "I7", "P"].into_iter().map(|text| (text, 100.0)));
+        }
         assert!(codes.depot == Some(2) && codes.package == Some(7) && codes.start);
     }
 }

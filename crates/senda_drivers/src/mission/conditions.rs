@@ -5,6 +5,10 @@ use super::{LOST_S, MissionDriver, halt, look};
 
 /// Nudging has taken long (s).
 const STOP_S: f64 = 14.0;
+/// Without a picture for so long the mission is given up (s).
+const BLIND_S: f64 = 10.0;
+/// A line that is lost more often than this between two stops is given up.
+const LOSSES: u32 = 8;
 /// A crossing that was overrun comes into view again when the vehicle has crept back for so long (s): 12 cm.
 const GONE_S: f64 = 4.0;
 
@@ -15,7 +19,14 @@ impl MissionDriver {
         match when {
             When::PackageRead => self.codes.package.is_some(),
             When::CrossingAhead => counts.crossing >= 2,
-            When::CrossingWithoutCode => counts.crossing >= 2 && !coded,
+            When::CrossingWithoutCode => {
+                counts.crossing >= 2
+                    && if self.step == Step::Return {
+                        !self.depot_ahead
+                    } else {
+                        !coded
+                    }
+            }
             When::GoalsCode => coded && self.codes.depot == self.goal,
             When::OthersCode => coded && self.codes.depot != self.goal,
             When::Aligned => self
@@ -49,6 +60,7 @@ impl MissionDriver {
             When::LineFound => counts.found >= 3,
             When::TimeOver => self.time_over(),
             When::BatteryEmpty => counts.empty >= 10,
+            When::Blind => self.blind_s() > BLIND_S,
         }
     }
 
@@ -83,7 +95,7 @@ impl MissionDriver {
             Step::WaitGreen => self.light.waited_s(self.clock.now) > options.light_limit_s,
             Step::FaceStreet => self.in_step_s() > 8.0,
             Step::Unload => self.in_step_s() > options.unload_s,
-            Step::FindLine => self.counts.leg >= look::LEGS,
+            Step::FindLine => self.counts.leg >= look::LEGS || self.losses > LOSSES,
             Step::Home | Step::Failed => false,
         }
     }
@@ -94,10 +106,20 @@ impl MissionDriver {
             (When::BatteryEmpty, _) => {
                 format!("the battery is below {:.1} V; charge it", self.options.empty_v)
             }
+            (When::Blind, _) => format!("no picture has come for {BLIND_S:.0} s"),
             (_, Step::WaitPackage) => "no package was shown".to_owned(),
             (_, Step::Search) => "no sign was found before the junction".to_owned(),
-            (_, Step::WaitGreen) => "the light did not turn green".to_owned(),
+            (_, Step::WaitGreen) => match self.light.unseen_s(self.clock.now) {
+                unseen_s if unseen_s > 1.0 => {
+                    format!("the light was not seen to turn green, and not at all for {unseen_s:.1} s")
+                }
+                _ => "the light did not turn green".to_owned(),
+            },
+            (_, Step::FindLine) if self.losses > LOSSES => format!("the line was lost {} times", self.losses),
             (_, Step::FindLine) => "the line was lost and not found again".to_owned(),
+            (When::CrossingWithoutCode, Step::Return) => {
+                "a crossing without the start's code before it".to_owned()
+            }
             (When::CrossingWithoutCode, _) => "a crossing without a depot's code before it".to_owned(),
             (_, Step::ToJunction) => "no junction came after the area".to_owned(),
             (_, Step::CrossJunction | Step::CrossBack) => "no line was found beyond the junction".to_owned(),

@@ -15,7 +15,7 @@ mod perceive;
 pub use options::MissionOptions;
 
 use crate::options::DriverError;
-use chart::{CHART, Step, To, When};
+use chart::{ALWAYS, CHART, Step, To, When};
 use codes::Codes;
 use halt::Halt;
 use helm::Remembered;
@@ -46,6 +46,10 @@ pub struct MissionDriver {
     beyond: Remembered,
     halt: Halt,
     counts: Counts,
+    /// How often the line has been lost since the last stop.
+    losses: u32,
+    /// On its way back from a depot that is not the goal, whose crossing is still ahead.
+    depot_ahead: bool,
     last: Command,
     delivered: bool,
     events: Vec<String>,
@@ -94,6 +98,8 @@ struct Counts {
 const LAG_S: f64 = 0.15;
 /// After a stop its own crossing is not the next one until this far on (m).
 const PAST_CROSSING_M: f64 = 0.45;
+/// Without a picture for so long it stands (s).
+const BLIND_STOP_S: f64 = 0.4;
 /// Without a line for so long it is lost (s).
 const LOST_S: f64 = 0.7;
 
@@ -135,6 +141,8 @@ impl MissionDriver {
             beyond: Remembered::default(),
             halt: Halt::default(),
             counts: Counts::default(),
+            losses: 0,
+            depot_ahead: false,
             last: Command::STOP,
             delivered: false,
             events: Vec::new(),
@@ -157,6 +165,11 @@ impl MissionDriver {
         self.clock.now.since_s(self.clock.began)
     }
 
+    /// Since when no picture has come (s).
+    fn blind_s(&self) -> f64 {
+        self.clock.now.since_s(self.clock.frame)
+    }
+
     /// Integrates what the last command should have done.
     fn reckon(&mut self, elapsed_s: f64) {
         let wanted_mps = self.body.speed_of(&self.last);
@@ -177,8 +190,9 @@ impl MissionDriver {
 
     /// Takes the first transition of the chart whose condition holds.
     fn advance(&mut self) {
-        if !matches!(self.step, Step::Home | Step::Failed) && self.holds(When::BatteryEmpty) {
-            self.enter(When::BatteryEmpty, Step::Failed);
+        let is_over = matches!(self.step, Step::Home | Step::Failed);
+        if let Some(when) = ALWAYS.into_iter().find(|when| !is_over && self.holds(*when)) {
+            self.enter(when, Step::Failed);
             return;
         }
         let next = CHART
@@ -228,11 +242,16 @@ impl MissionDriver {
         }
         if to == Step::FindLine {
             self.back = from;
+            self.losses += 1;
+        }
+        if to == Step::Return && from != Step::FindLine && from != Step::CrossBack {
+            self.depot_ahead = when == When::OthersCode;
         }
         // Leaving a stop: its codes and its crossing are behind.
         if matches!(from, Step::WaitPackage | Step::FaceStreet | Step::Unload) {
             self.codes = Codes::default();
             self.way.stop_m = 0.0;
+            self.losses = 0;
         }
         if matches!(to, Step::CrossJunction | Step::CrossBack)
             && let Some(junction) = self.view.junction
@@ -270,8 +289,7 @@ impl MissionDriver {
 
     fn command(&mut self) -> Command {
         let speed_mps = self.options.speed_mps;
-        // Blind it stands.
-        if self.clock.now.since_s(self.clock.frame) > 0.4 {
+        if self.blind_s() > BLIND_STOP_S {
             return Command::STOP;
         }
         match self.step {
@@ -345,7 +363,8 @@ impl Driver for MissionDriver {
         self.look(observation);
         self.advance();
         self.last = self.command();
-        if self.last == Command::STOP {
+        // What it does not see does not count as standing before something.
+        if self.last == Command::STOP && self.blind_s() <= BLIND_STOP_S {
             self.clock.stands.get_or_insert(self.clock.now);
         } else {
             self.clock.stands = None;

@@ -52,7 +52,9 @@ impl MissionDriver {
                 .iter()
                 .map(|code| (code.text.as_str(), code.size_px()));
             let near = near.filter(|(_, size_px)| f64::from(*size_px) >= least_px);
-            if let Some([one, other]) = self.codes.take(near) {
+            if let Some([one, other]) = self.codes.take(near)
+                && self.step == Step::WaitPackage
+            {
                 self.events.push(format!(
                     "two packages are shown, I{one} and I{other}: waits until one of them is gone"
                 ));
@@ -97,6 +99,10 @@ impl MissionDriver {
             counts.crossing,
             near(self.options.approach_m) && self.way.stop_m > PAST_CROSSING_M,
         );
+        if self.step == Step::Return && self.depot_ahead && counts.crossing >= 2 {
+            // That of the depot whose code turned it back: driven over, and behind from here on.
+            (counts.crossing, self.depot_ahead, self.way.stop_m) = (0, false, 0.0);
+        }
         let reach_m = if self.step == Step::Return { 0.45 } else { 0.62 };
         let ahead = self
             .view

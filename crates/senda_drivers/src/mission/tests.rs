@@ -235,7 +235,7 @@ fn a_light_that_never_turns_ends_the_mission() {
     let events = until_done(&mut driver, None, 20.0);
     assert_eq!(
         events,
-        ["wait_green -> failed: time over; the light did not turn green"]
+        ["wait_green -> failed: time over; the light was not seen to turn green, and not at all for 3.1 s"]
     );
 }
 
@@ -262,11 +262,7 @@ fn without_frames_it_stands() {
     let mut driver = driver(MissionOptions::default());
     driver.step = Step::Return;
     driver.drive(&grey(0.0, None));
-    let blind = Observation {
-        stamp: Stamp::from_s(0.5),
-        ..Observation::default()
-    };
-    assert_eq!(driver.drive(&blind), Command::STOP);
+    assert_eq!(driver.drive(&blind(0.5)), Command::STOP);
 }
 
 /// Options out of range and vehicles without a camera are refused with words.
@@ -309,4 +305,88 @@ fn the_mission_cannot_know_the_true_state() {
     let manifest = include_str!("../../Cargo.toml");
     let dependencies = manifest.split("[dev-dependencies]").next().unwrap();
     assert!(!dependencies.contains("senda_sim") && !dependencies.contains("senda_world"));
+}
+
+/// It drove over the start's crossing and round again, over the area's too, red or not.
+#[test]
+fn a_crossing_on_the_way_back_without_the_starts_code_ends_the_mission() {
+    let returning = |from: Step, when: When| {
+        let mut driver = driver(MissionOptions::default());
+        (driver.step, driver.way.stop_m) = (from, 1.0);
+        driver.enter(when, Step::Return);
+        driver.way.stop_m = 1.0;
+        driver.events.clear();
+        driver
+    };
+    let mut home = returning(Step::Unload, When::TimeOver);
+    for frame in 0..2 {
+        home.drive(&with_crossing(0.05 * f64::from(frame), Some(0.3)));
+    }
+    assert_eq!(home.step(), Step::Failed);
+    assert_eq!(
+        home.reason(),
+        Some("a crossing without the start's code before it")
+    );
+    // The crossing of the depot that turned it back is driven over, the next one is not.
+    let mut turned = returning(Step::TakeStreet, When::OthersCode);
+    for frame in 0..4 {
+        turned.drive(&with_crossing(0.05 * f64::from(frame), Some(0.3)));
+    }
+    assert!(turned.step() == Step::Return && turned.way.stop_m < 0.1);
+    turned.way.stop_m = 1.0;
+    for frame in 4..8 {
+        turned.drive(&with_crossing(0.05 * f64::from(frame), Some(0.3)));
+    }
+    assert_eq!(turned.step(), Step::Failed);
+}
+
+fn blind(time_s: f64) -> Observation {
+    Observation {
+        stamp: Stamp::from_s(time_s),
+        ..Observation::default()
+    }
+}
+
+/// A search had no end without pictures.
+#[test]
+fn a_mission_without_pictures_ends_wherever_it_is() {
+    for step in [Step::WaitPackage, Step::Search, Step::FindLine, Step::StopAtDepot] {
+        let mut driver = driver(MissionOptions::default());
+        driver.step = step;
+        for frame in 0..240 {
+            driver.drive(&blind(0.05 * f64::from(frame)));
+        }
+        assert_eq!(driver.step(), Step::Failed, "{step:?}");
+        assert_eq!(driver.reason(), Some("no picture has come for 10 s"));
+    }
+}
+
+/// A camera that failed beside a depot counted as standing square before it.
+#[test]
+fn standing_blind_is_no_stop() {
+    let mut driver = driver(MissionOptions::default());
+    driver.step = Step::StopAtDepot;
+    driver.drive(&with_crossing(0.0, Some(0.36)));
+    for frame in 1..60 {
+        driver.drive(&blind(0.05 * f64::from(frame)));
+    }
+    assert_eq!(driver.step(), Step::StopAtDepot);
+}
+
+/// Lost and found again without end.
+#[test]
+fn a_line_that_is_lost_again_and_again_ends_the_mission() {
+    let mut driver = driver(MissionOptions::default());
+    driver.step = Step::ToArea;
+    for _ in 0..9 {
+        driver.enter(When::LineLost, Step::FindLine);
+        driver.enter(When::LineFound, Step::ToArea);
+    }
+    driver.enter(When::LineLost, Step::FindLine);
+    driver.drive(&grey(0.05, None));
+    assert_eq!(driver.step(), Step::Failed);
+    assert_eq!(driver.reason(), Some("the line was lost 10 times"));
+    driver.step = Step::Unload;
+    driver.enter(When::TimeOver, Step::Return);
+    assert_eq!(driver.losses, 0);
 }

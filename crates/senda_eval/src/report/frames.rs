@@ -72,7 +72,7 @@ pub(super) fn film(recording: &Recording, budget_bytes: usize, look: Option<&Loo
     }
     let mut frames = Vec::new();
     let mut bytes = Vec::new();
-    for (index, step) in with_frame.iter().step_by(stride) {
+    for (index, step) in with_frame.chunks(stride).filter_map(richest) {
         let encoded = &step.frames[0].encoded;
         let picture = if fits { encoded.clone() } else { smaller(encoded) };
         if size.is_none() {
@@ -92,7 +92,7 @@ pub(super) fn film(recording: &Recording, budget_bytes: usize, look: Option<&Loo
         bytes.push(len);
         frames.push(frame);
     }
-    // Frames may grow along a run, so that the estimate was too low: thin again, evenly.
+    // Frames may grow along a run, so that the estimate was too low: thin again, evenly, whatever they show.
     while frames.len() > 1 && bytes.iter().sum::<usize>() > budget_bytes + budget_bytes / 10 {
         frames = frames.into_iter().step_by(2).collect();
         bytes = bytes.into_iter().step_by(2).collect();
@@ -121,6 +121,16 @@ pub(super) fn film(recording: &Recording, budget_bytes: usize, look: Option<&Loo
         size,
         caption,
     }
+}
+
+/// Of frames one of which is shown, the first with the most words on it: a code or a sign is read in one frame of several, and was
+/// never shown where those happened to be the others.
+fn richest<'a, 'b>(frames: &'a [(usize, &'b Step)]) -> Option<&'a (usize, &'b Step)> {
+    let words = |step: &Step| {
+        let is_text = |shape: &&Shape| matches!(shape, Shape::Text { .. });
+        step.explanation.shapes.iter().filter(is_text).count()
+    };
+    frames.iter().rev().max_by_key(|(_, step)| words(step))
 }
 
 /// The frame as a stronger compressed JPEG, or as it is where that saves nothing.
@@ -207,6 +217,7 @@ pub(super) fn safe_colour(colour: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use senda_core::{Command, Explanation, Stamp};
 
     #[test]
     fn colours_are_only_colours() {
@@ -222,6 +233,28 @@ mod tests {
         ] {
             assert_eq!(safe_colour(bad), "magenta");
         }
+    }
+
+    #[test]
+    fn of_several_frames_the_one_that_says_most_is_shown() {
+        let step = |words: usize| {
+            let mut step = Step {
+                stamp: Stamp::default(),
+                frames: vec![],
+                speed_mps: None,
+                wheels: None,
+                battery_v: None,
+                command: Command::STOP,
+                truth: None,
+                explanation: Explanation::default(),
+            };
+            (0..words).for_each(|_| step.explanation.text([0.0, 0.0], "I2", "magenta"));
+            step
+        };
+        let steps = [step(1), step(3), step(3), step(0)];
+        let frames: Vec<(usize, &Step)> = steps.iter().enumerate().collect();
+        assert_eq!(richest(&frames).unwrap().0, 1);
+        assert_eq!(richest(&frames[3..]).unwrap().0, 3);
     }
 
     #[test]

@@ -78,9 +78,10 @@ impl DeliveryRow {
             })
         };
         format!(
-            "correct {} of {}, returned {}, red lights passed {}, off the streets {}; {} stops: distance error {}, angle {}",
+            "correct {} of {} (95 %: {}), returned {}, red lights passed {}, off the streets {}; {} stops: distance error {}, angle {}",
             self.correct.hits,
             self.correct.count,
+            percent_range(&self.correct),
             self.returned.hits,
             self.red_light_violations,
             self.departures,
@@ -278,9 +279,10 @@ mod tests {
         assert_eq!(row.stop_distance_error_max_m, Some(0.004));
         assert_eq!(row.stop_angle_error_max_rad, Some(0.03));
         assert_eq!(row.time_s, Some(60.0));
+        let words = row.words();
         assert!(
-            row.words()
-                .starts_with("correct 2 of 2, returned 1, red lights passed 2")
+            words.starts_with("correct 2 of 2 (95 %: 34.2 – 100.0 %), returned 1, red lights passed 2"),
+            "{words}"
         );
         assert_eq!(DeliveryRow::of(&[]), None);
     }

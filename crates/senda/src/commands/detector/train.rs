@@ -1,20 +1,20 @@
-//! `senda detector train` and `export`.
+//! `senda detector train`.
 
 use super::{list, print_scores, warn};
-use crate::commands::{check_out, report::command_line, save_model, write_file};
+use crate::commands::{check_out, report::command_line, save_model};
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use senda_learn::detector::{DetectorTraining, Pictures, evaluate, train};
 use senda_learn::train::News;
 use senda_nets::{Darknet, DarknetWeights, Model, Provenance, Weights};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// `.data` file of a darknet data set
     data: PathBuf,
-    /// Ready detector (`detector-small`, `yolov3-tiny`) or darknet's `.cfg` file
+    /// Ready detector (`detector-small`, `detector`, `yolov3-tiny`) or darknet's `.cfg` file
     #[arg(long, value_name = "DETECTOR", default_value = "detector-small")]
     network: String,
     /// Input size instead of the detector's own
@@ -233,36 +233,4 @@ fn begin(arguments: &Arguments, classes: &[String], seed: u64) -> Result<Model> 
         weights = read.weights;
     }
     Ok(darknet.into_model(weights))
-}
-
-/// Writes darknet's files.
-pub(super) fn export(path: &Path, folder: &Path, json: bool) -> Result<()> {
-    let model = Model::load(path)?;
-    let Some(detection) = model.detection.clone() else {
-        bail!(
-            "{}: expected a detector, but found a model that gives no boxes",
-            path.display()
-        );
-    };
-    let names = format!("{}\n", detection.classes.join("\n"));
-    let darknet = Darknet {
-        network: model.network.clone(),
-        detection,
-        warnings: vec![],
-    };
-    let weights = DarknetWeights {
-        weights: model.weights,
-        seen: 0,
-        convolutions: 0,
-    };
-    let mut files = Vec::new();
-    for (name, bytes) in [
-        ("detector.cfg", darknet.to_cfg()?.into_bytes()),
-        ("detector.weights", weights.to_bytes(&model.network)?),
-        ("detector.names", names.into_bytes()),
-    ] {
-        write_file(&folder.join(name), &bytes)?;
-        files.push(folder.join(name).display().to_string());
-    }
-    terminal::answer(json, &serde_json::json!({ "files": files }), &files.join("\n"))
 }
