@@ -482,6 +482,19 @@ offset_m = 3.4
         assert!((back.landscape.walls[0].from_m - 20.0).abs() < 1e-9);
     }
 
+    /// A box in the way was warned of, a wall through the path was not.
+    #[test]
+    fn a_wall_on_the_path_is_warned_of() {
+        let warned = |offset_m: &str| {
+            let text = ROAD.replace("offset_m = 3.4", &format!("offset_m = {offset_m}"));
+            let (_, warnings) = World::parse("road.toml", &text).unwrap();
+            warnings
+                .iter()
+                .any(|warning| warning.to_string().contains("wall 0 stands on the path"))
+        };
+        assert!(warned("0.1") && !warned("3.4"));
+    }
+
     #[test]
     fn trees_keep_their_distance_and_stay_out_of_the_water() {
         let world = World::parse("road.toml", ROAD).unwrap().0;

@@ -444,6 +444,17 @@ impl World {
                 ),
             ));
         }
+        for (index, wall) in self.landscape.walls.iter().enumerate() {
+            if wall.offset_m.abs() <= wall.width_m / 2.0 {
+                warnings.push(table.warning(
+                    "walls",
+                    format!(
+                        "wall {index} stands on the path, from {:.2} m to {:.2} m: move it aside (offset_m)",
+                        wall.from_m, wall.to_m
+                    ),
+                ));
+            }
+        }
         for (index, marking) in self.markings.iter().enumerate() {
             if let Some((_, to_m)) = marking.span_m
                 && to_m > self.path.length_m()

@@ -163,3 +163,14 @@ fn a_boards_face_reads_from_left_to_right() {
     );
     assert_eq!(World::parse("back.toml", &world.to_toml()).unwrap().0, world);
 }
+
+/// A wide, short marking's sheets were those of a square around it, blank ones among them.
+#[test]
+fn sheets_without_paint_are_left_out() {
+    let text = "[path]\npieces = [{ kind = \"straight\", length_m = 1 }]\n[[markings]]\nwidth_m = 0.3\ncolour = \"red\"\n\
+                from_m = 0.5\nto_m = 0.6\n";
+    let (world, _) = World::parse("bar.toml", text).unwrap();
+    let print = Print::new(&world, &PrintOptions::default()).unwrap();
+    // Two sheets of 186 mm share its 10 cm, three of 273 mm its 30 cm.
+    assert_eq!((print.grid(), print.sheet_count()), ((4, 3), 6));
+}

@@ -99,6 +99,32 @@ fn limits_that_cannot_be_held_are_refused() {
     assert!(made(0.2, [3.0, 4.0]).is_ok());
 }
 
+/// 1000 to 1001 m gave 1001.2 m, 50 to 50.1 m gave 49.97 and 50.11 m.
+#[test]
+fn lengths_that_were_asked_for_hold_to_the_millimetre() {
+    for length_m in [[20.0, 20.03], [50.0, 50.1]] {
+        let difficulty = Difficulty {
+            length_m,
+            ..Difficulty::default()
+        };
+        let mut others = 0;
+        for seed in 0..10 {
+            let world = World::random_within(seed, &difficulty).unwrap();
+            let (back, _) = World::parse("random.toml", &world.to_toml()).unwrap();
+            let found_m = back.path.length_m();
+            assert!(
+                (length_m[0]..=length_m[1]).contains(&found_m),
+                "seed {seed}: {found_m}"
+            );
+            others += u32::from(world != World::random(seed, &difficulty));
+        }
+        assert!(
+            (1..10).contains(&others),
+            "worlds that hold stay as they are: {others}"
+        );
+    }
+}
+
 #[test]
 fn seeds_differ_and_repeat() {
     let difficulty = Difficulty::default();

@@ -165,6 +165,13 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 "svg" => draw::svg(&world).into_bytes(),
                 "png" => {
                     let mut picture = paint::paint(&world, 1.0 / resolution);
+                    let painted = 1.0 / picture.metres_per_texel;
+                    if painted < 0.99 * resolution {
+                        tell!(
+                            "warning: {} is drawn with {painted:.0} pixels a metre, not with --resolution {resolution}: its size or its texel_m allows no more",
+                            world.name
+                        );
+                    }
                     draw::add_upright(&mut picture, &world);
                     draw::png(&picture)
                 }
@@ -294,10 +301,27 @@ fn paper_named(name: &str) -> Result<Paper> {
 }
 
 fn write_world(world: &World, out: &Path, json: bool) -> Result<()> {
+    if extension(out) != "toml" {
+        bail!(
+            "--out {}: expected a name that ends in .toml, for what is written is a world file; `senda world draw` draws it",
+            out.display()
+        );
+    }
     write_file(out, world.to_toml().as_bytes())?;
     let length_m = world.path.length_m();
-    let value = json!({ "file": out, "length_m": length_m });
-    terminal::answer(json, &value, &format!("{}: {length_m:.2} m", out.display()))
+    let value = json!({
+        "file": out, "length_m": length_m, "tightest_radius_m": world.path.tightest_radius_m(),
+    });
+    let words = format!("{}: {length_m:.2} m{}", out.display(), tightest(world));
+    terminal::answer(json, &value, &words)
+}
+
+/// `, tightest curve 0.31 m`; nothing where all is straight.
+fn tightest(world: &World) -> String {
+    let radius_m = world.path.tightest_radius_m();
+    radius_m.map_or_else(String::new, |radius_m| {
+        format!(", tightest curve {radius_m:.3} m")
+    })
 }
 
 /// Names with their descriptions.
@@ -381,13 +405,15 @@ fn check(files: &[PathBuf], vehicle: Option<&str>, json: bool) -> Result<()> {
                     let warnings: Vec<String> = warnings.iter().map(ToString::to_string).collect();
                     all.push(json!({
                         "file": file, "length_m": length_m, "closed": is_closed, "warnings": warnings,
+                        "tightest_radius_m": world.path.tightest_radius_m(),
                     }));
                     continue;
                 }
                 say!(
-                    "{}: {length_m:.2} m, {}, {} warning{}",
+                    "{}: {length_m:.2} m, {}{}, {} warning{}",
                     file.display(),
                     if is_closed { "closed" } else { "open" },
+                    tightest(&world),
                     warnings.len(),
                     if warnings.len() == 1 { "" } else { "s" }
                 )?;

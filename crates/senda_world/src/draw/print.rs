@@ -251,17 +251,22 @@ impl Layout<'_> {
 
     /// Which tiles carry paint.
     fn painted(&self) -> Vec<bool> {
+        // Paint is looked for in such steps (mm): what is narrower than this on a sheet is cut away with its border.
+        const STEP_MM: f64 = 2.0;
         let mut painted = vec![false; self.columns * self.rows];
         for (number, run) in &self.runs {
-            let reach = Vec2::splat(self.markings[*number].width_m * 500.0);
-            for point in run {
-                let (low, high) = (
-                    (*point * 1e3 - reach - self.corner) / self.tile,
-                    (*point * 1e3 + reach - self.corner) / self.tile,
-                );
-                for row in clamp(low.y, self.rows)..=clamp(high.y, self.rows) {
-                    for column in clamp(low.x, self.columns)..=clamp(high.x, self.columns) {
-                        painted[row * self.columns + column] = true;
+            let width_mm = self.markings[*number].width_m * 1e3;
+            let across = (width_mm / STEP_MM).ceil().max(1.0);
+            for pair in run.windows(2) {
+                let (from, step) = (pair[0] * 1e3, (pair[1] - pair[0]) * 1e3);
+                let left = step.perp().normalize_or_zero();
+                let along = (step.length() / STEP_MM).ceil().max(1.0);
+                for i in 0..=along as usize {
+                    for j in 0..=across as usize {
+                        let aside_mm = width_mm * (j as f64 / across - 0.5);
+                        let at = from + step * (i as f64 / along) + left * aside_mm;
+                        let tile = (at - self.corner) / self.tile;
+                        painted[clamp(tile.y, self.rows) * self.columns + clamp(tile.x, self.columns)] = true;
                     }
                 }
             }
@@ -411,6 +416,8 @@ impl Layout<'_> {
         let Some(low) = self.free_corner(column, row, size) else {
             return;
         };
+        // The edges of many small sheets would be one grey block.
+        let has_edges = (self.tile * scale).min_element() > 1.5;
         for y in 0..self.rows {
             for x in 0..self.columns {
                 let corner = low + self.tile * scale * Vec2::new(x as f64, y as f64);
@@ -432,6 +439,9 @@ impl Layout<'_> {
                         points: points.clone(),
                         colour: light,
                     });
+                }
+                if !has_edges {
+                    continue;
                 }
                 shapes.push(Shape::Line {
                     points,

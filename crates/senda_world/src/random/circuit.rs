@@ -33,12 +33,17 @@ impl Style {
     }
 }
 
-/// A closed circuit that keeps its limits. Tries shapes until one does; a circle always does.
+/// What a length may miss its limits by, as a part of them, where nobody asked for them: worlds that were made up with this slack
+/// stay as they are.
+pub(super) const SLACK: f64 = 0.001;
+
+/// A closed circuit that keeps its limits, the length up to a part `slack` of them. Tries shapes until one does; a circle always does.
 pub(super) fn circuit(
     dice: &mut Dice,
     min_radius_m: f64,
     length_m: [f64; 2],
     clearance_m: f64,
+    slack: f64,
 ) -> (PathSpec, Curve) {
     let least_m = length_m[0].max(2.0 * PI * min_radius_m * 1.02);
     let most_m = length_m[1].max(least_m);
@@ -62,7 +67,8 @@ pub(super) fn circuit(
             reversed: dice.chance(0.5),
         };
         let Ok(curve) = spec.curve() else { continue };
-        let long_enough = curve.length_m() >= least_m * 0.999 && curve.length_m() <= most_m * 1.001;
+        let long_enough =
+            curve.length_m() >= least_m * (1.0 - slack) && curve.length_m() <= most_m * (1.0 + slack);
         if long_enough
             && path::smallest_radius_m(&curve) >= min_radius_m * 0.999
             && path::self_overlap(&curve, clearance_m).is_none()

@@ -11,7 +11,7 @@ use crate::landscape::Landscape;
 use crate::light::{LIGHT_PRESETS, Light};
 use crate::path::{self_overlap, smallest_radius_m};
 use crate::world::{Backdrop, World};
-use circuit::circuit;
+use circuit::{SLACK, circuit};
 pub(crate) use dice::Dice;
 pub(crate) use road::signed_area_m2;
 use scenery::{choose_floor, choose_light, choose_markings, choose_thing};
@@ -196,7 +196,7 @@ const ASKED_RADIUS_M: [f64; 2] = [0.05, 100.0];
 const ASKED_LENGTH_M: [f64; 2] = [0.1, 10_000.0];
 /// Length of the shortest circuit as a multiple of its tightest curve's radius: a circle, and a little.
 const CIRCLE: f64 = 2.0 * std::f64::consts::PI * 1.02;
-/// What came out may miss a limit by this part: curves are sampled, and splines rounded to whole millimetres.
+/// The tightest curve that came out may miss its limit by this part: curves are sampled.
 const SAMPLING: f64 = 0.002;
 
 /// Why a world within limits cannot be made up.
@@ -282,12 +282,15 @@ impl World {
                 found_m: difficulty.length_m,
             });
         }
-        let world = Self::random(seed, difficulty);
+        let is_as_long = |world: &Self| (shortest_m..=longest_m).contains(&world.path.length_m());
+        let mut world = Self::random(seed, difficulty);
+        if !is_as_long(&world) {
+            world = Self::made_up(seed, difficulty, 0.0);
+        }
         let radius_m = difficulty.least_radius_m(world.lane_width_m);
         let clearance_m = difficulty.distance_m(world.lane_width_m);
         let (got_length_m, got_radius_m) = (world.path.length_m(), smallest_radius_m(&world.path));
-        let is_within = got_length_m >= shortest_m * (1.0 - SAMPLING)
-            && got_length_m <= longest_m * (1.0 + SAMPLING)
+        let is_within = is_as_long(&world)
             && got_radius_m >= radius_m * (1.0 - SAMPLING)
             && self_overlap(&world.path, clearance_m).is_none();
         if is_within {
@@ -306,12 +309,16 @@ impl World {
     /// A closed circuit made up from a seed: always valid, never overlapping itself, different for every seed and the
     /// same for the same seed and difficulty. Where limits contradict each other the radius wins.
     pub fn random(seed: u64, difficulty: &Difficulty) -> Self {
+        Self::made_up(seed, difficulty, SLACK)
+    }
+
+    fn made_up(seed: u64, difficulty: &Difficulty, slack: f64) -> Self {
         let mut dice = Dice::new(seed);
         let lane_width_m =
             (difficulty.kind == Kind::Lane).then(|| dice.between(difficulty.lane_width_m).max(0.02));
         let clearance_m = difficulty.distance_m(lane_width_m);
         let min_radius_m = difficulty.least_radius_m(lane_width_m);
-        let (path_spec, path) = circuit(&mut dice, min_radius_m, difficulty.length_m, clearance_m);
+        let (path_spec, path) = circuit(&mut dice, min_radius_m, difficulty.length_m, clearance_m, slack);
         let floor = choose_floor(&mut dice, difficulty);
         let markings = choose_markings(&mut dice, difficulty, &floor, lane_width_m, &path);
         let mut world = World {

@@ -1,6 +1,6 @@
 //! Roads in open land: a lap of the kind of document B's simulator (B1 in SPEC), around any path.
 
-use super::circuit::circuit;
+use super::circuit::{SLACK, circuit};
 use super::dice::Dice;
 use crate::colour::Colour;
 use crate::floor::{Floor, FloorKind};
@@ -35,7 +35,13 @@ impl World {
     pub fn random_road(seed: u64) -> Self {
         let mut dice = Dice::new(seed ^ 0x0420_AD00);
         let length_m = LAP_M.map(|m| m / SCALE);
-        let (spec, _) = circuit(&mut dice, TIGHTEST_M / SCALE, length_m, CLEARANCE_M / SCALE);
+        let (spec, _) = circuit(
+            &mut dice,
+            TIGHTEST_M / SCALE,
+            length_m,
+            CLEARANCE_M / SCALE,
+            SLACK,
+        );
         let spec = enlarged(spec, SCALE);
         let path = spec.curve().expect("a circuit stays a curve when it is enlarged");
         let (spec, path) = anticlockwise(spec, path);
