@@ -14,7 +14,7 @@
 //! The file of `run.mcap` is `run.mcap.edits.toml`, that of the folder `tub` is `tub.edits.toml` beside it. Steps are
 //! numbered from 0 as they were recorded, whatever else is edited, so edits never shift each other and can be undone one by one.
 
-use crate::open::{Format, open_runs, recordings_in};
+use crate::open::{Format, left_out, open_runs, recordings_in};
 use crate::{DataError, Recording};
 use senda_core::{Body, Turn, whole_file};
 use serde::{Deserialize, Serialize};
@@ -273,6 +273,15 @@ pub fn parts(path: &Path) -> Result<Vec<PathBuf>, DataError> {
     }
 }
 
+/// What to say of files at a path that are none of its [`parts`] though they have the name.
+pub fn no_parts(path: &Path) -> Result<Vec<String>, DataError> {
+    if path.is_dir() && Format::detect(path)? == Format::Recording {
+        left_out(path)
+    } else {
+        Ok(Vec::new())
+    }
+}
+
 /// As [`open_runs`], with the edits beside the data applied.
 pub fn open_edited_runs(path: &Path, body: &Body) -> Result<Vec<Recording>, DataError> {
     let mut all = Vec::new();
@@ -282,6 +291,9 @@ pub fn open_edited_runs(path: &Path, body: &Body) -> Result<Vec<Recording>, Data
             edits.apply(run, &mut recording);
             all.push(recording);
         }
+    }
+    if let Some(first) = all.first_mut() {
+        first.warnings.splice(..0, no_parts(path)?);
     }
     Ok(all)
 }

@@ -44,7 +44,7 @@ impl Format {
                 .and_then(|file| file.take(8).read_to_end(&mut head))
                 .map_err(|e| DataError::read(path, e))?;
             // A recording that was cut off within its first bytes still has its name.
-            if head.starts_with(b"\x89MCAP") || has_end(path, "mcap") {
+            if head.starts_with(MAGIC) || has_end(path, "mcap") {
                 return Ok(Self::Recording);
             }
             if has_end(path, "csv") {
@@ -78,6 +78,9 @@ impl Format {
         }
     }
 }
+
+/// How every MCAP file begins.
+const MAGIC: &[u8] = b"\x89MCAP";
 
 const EXPECTED: &str = "a recording (.mcap), a Donkeycar tub, a folder with driving_log.csv, pictures with the angle in \
                         their names, or a .tar.gz of one of these";
@@ -114,10 +117,17 @@ pub fn open(path: &Path, body: &Body) -> Result<Recording, DataError> {
 /// Reads any data set as one recording per run.
 pub fn open_runs(path: &Path, body: &Body) -> Result<Vec<Recording>, DataError> {
     match Format::detect(path)? {
-        Format::Recording if path.is_dir() => recordings_in(path)?
-            .iter()
-            .map(|path| Recording::read(path))
-            .collect(),
+        Format::Recording if path.is_dir() => {
+            let recordings = recordings_in(path)?;
+            let mut runs: Vec<Recording> = recordings
+                .iter()
+                .map(|path| Recording::read(path))
+                .collect::<Result<_, _>>()?;
+            if let Some(first) = runs.first_mut() {
+                first.warnings.splice(..0, left_out(path)?);
+            }
+            Ok(runs)
+        }
         Format::Recording => Ok(vec![Recording::read(path)?]),
         Format::Tub => tub::read_runs(path, body),
         Format::Udacity => udacity::read_runs(path, body),
@@ -125,8 +135,59 @@ pub fn open_runs(path: &Path, body: &Body) -> Result<Vec<Recording>, DataError> 
     }
 }
 
-/// The MCAP files in a folder and up to two folders below it, sorted by name.
+/// The recordings in a folder and up to two folders below it, sorted by name. Files that are called recordings and are none are
+/// left out ([`left_out`]); nothing but such files is an error.
 pub fn recordings_in(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
+    let mut named = named_recordings(folder)?;
+    let count = named.len();
+    named.retain(|path| !is_something_else(path));
+    if named.is_empty() && count > 0 {
+        return Err(DataError::NotThat {
+            path: folder.to_owned(),
+            expected: "a recording (MCAP)".into(),
+            found: format!("none among the {count} of that name"),
+            advice: "record the runs again".into(),
+        });
+    }
+    Ok(named)
+}
+
+/// What to say of files in a folder of recordings that have a recording's name and are none: what a run that failed before its
+/// first step left behind, for example.
+pub fn left_out(folder: &Path) -> Result<Vec<String>, DataError> {
+    let mut named = named_recordings(folder)?;
+    named.retain(|path| is_something_else(path));
+    Ok(named.iter().map(|path| no_recording(path)).collect())
+}
+
+/// Of several files that were named, those that are recordings, and what to say of the others. A file alone is kept whatever it is:
+/// reading it says what is wrong.
+pub fn recordings_among(paths: &[PathBuf]) -> (Vec<PathBuf>, Vec<String>) {
+    let (others, recordings): (Vec<PathBuf>, Vec<PathBuf>) =
+        paths.iter().cloned().partition(|path| is_something_else(path));
+    if recordings.is_empty() {
+        return (others, Vec::new());
+    }
+    (recordings, others.iter().map(|path| no_recording(path)).collect())
+}
+
+fn no_recording(path: &Path) -> String {
+    format!(
+        "{}: left out: expected a recording (MCAP), but found a file that does not begin like one",
+        path.display()
+    )
+}
+
+/// Whether a file that can be read does not begin as a recording does.
+fn is_something_else(path: &Path) -> bool {
+    let mut head = Vec::new();
+    std::fs::File::open(path)
+        .and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut head))
+        .is_ok_and(|_| head != MAGIC)
+}
+
+/// The files with a recording's name.
+fn named_recordings(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     let store = Store::Folder(folder.to_owned());
     let mut found = Vec::new();
     for inside in store.folders_with(&is_recording)? {
@@ -149,7 +210,7 @@ mod tests {
         let put = |name: &str| {
             let path = folder.join(name);
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-            std::fs::write(&path, b"").unwrap();
+            std::fs::write(&path, MAGIC).unwrap();
             path
         };
         let below = [
@@ -163,6 +224,27 @@ mod tests {
         // Recordings beside folders are the data set; what else lies in the folders is something else.
         let beside = put("e.mcap");
         assert_eq!(recordings_in(folder).unwrap(), [beside]);
+    }
+
+    /// A file without a byte, left by a run that never began, blocked the whole folder.
+    #[test]
+    fn files_that_are_no_recordings_do_not_block_a_folder() {
+        let top = tempfile::tempdir().unwrap();
+        let [empty, good] = ["a.mcap", "b.mcap"].map(|name| top.path().join(name));
+        std::fs::write(&empty, b"").unwrap();
+        let error = recordings_in(top.path()).unwrap_err().to_string();
+        assert!(error.contains("none among the 1 of that name"), "{error}");
+        assert_eq!(recordings_among(&[empty.clone()]), (vec![empty.clone()], vec![]));
+        std::fs::write(&good, MAGIC).unwrap();
+        assert_eq!(recordings_in(top.path()).unwrap(), [good.clone()]);
+        let [words] = &left_out(top.path()).unwrap()[..] else {
+            panic!("one file is left out")
+        };
+        assert!(words.contains("a.mcap: left out"), "{words}");
+        assert_eq!(
+            recordings_among(&[empty, good.clone()]),
+            (vec![good], vec![words.clone()])
+        );
     }
 
     #[test]

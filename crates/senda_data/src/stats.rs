@@ -1,6 +1,6 @@
 //! What a data set would teach, and which of its frames somebody should look at (A6 in SPEC).
 
-use crate::edits::{Edits, parts};
+use crate::edits::{Edits, no_parts, parts};
 use crate::info::{SteeringHistogram, limit_rad};
 use crate::open::{Format, open_runs};
 use crate::{DataError, Recording, Step};
@@ -141,7 +141,7 @@ pub fn stats(path: &Path, body: &Body) -> Result<Stats, DataError> {
         straight_share: 0.0,
         steering: SteeringHistogram::new(limit_rad(body)),
         suspicious: Vec::new(),
-        warnings: Vec::new(),
+        warnings: no_parts(path)?,
     };
     let mut straight = 0;
     for part in parts(path)? {

@@ -133,6 +133,7 @@ pub fn recordings(
         progress(number, paths.len());
         let mut index = 0;
         let frames_before = data.samples.len();
+        data.warnings.extend(senda_data::edits::no_parts(path)?);
         for part in senda_data::edits::parts(path)? {
             if !data.sources.insert(place(&part)) {
                 data.warnings

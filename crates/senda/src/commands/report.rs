@@ -1,9 +1,10 @@
 //! `senda report`: a page of recordings; and the page that other commands write.
 
 use super::write_file;
+use crate::terminal;
 use anyhow::Result;
 use clap::Args;
-use senda_data::Recording;
+use senda_data::{Recording, open::recordings_among};
 use senda_eval::{
     Summary,
     report::{self, Look, Page, ReportRun},
@@ -29,7 +30,9 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let mut runs = Vec::new();
-    for path in &arguments.recordings {
+    let (recordings, left_out) = recordings_among(&arguments.recordings);
+    terminal::warn(&left_out);
+    for path in &recordings {
         let recording = super::replay::read_recording(path)?;
         let mut run = PageRun::recorded(recording);
         if let Some(model) = &arguments.look {
