@@ -26,6 +26,8 @@ pub enum Ending {
     Blind,
     /// The guard stopped it, because the driver's commands were no numbers.
     NoNumber,
+    /// The vehicle's battery was below its `empty_v`.
+    BatteryEmpty,
     /// The time limit passed.
     TimeOut,
     /// The driver said that its work is done.
@@ -47,6 +49,7 @@ impl Ending {
             Self::Stopped => "the driver stopped",
             Self::Blind => GuardStop::Blind.words(),
             Self::NoNumber => GuardStop::NoNumber.words(),
+            Self::BatteryEmpty => "the battery is empty",
             Self::TimeOut => "time over",
             Self::Done => "the driver has done its work",
             Self::WithoutLine => "the driver stopped without a line",

@@ -23,6 +23,7 @@ pub mod random;
 pub mod referee;
 pub mod replay;
 pub mod scenario;
+mod scenario_file;
 mod start;
 pub mod sweep;
 pub mod trajectory;

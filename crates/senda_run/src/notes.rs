@@ -1,7 +1,7 @@
 //! What to say of a scenario that will be driven otherwise than it asks.
 
 use crate::guard::BLIND_LIMIT_S;
-use crate::scenario::{find_vehicle, find_world};
+use crate::scenario::find_vehicle;
 use crate::{RunError, Scenario, calibration, pilot};
 
 impl Scenario {
@@ -26,15 +26,46 @@ impl Scenario {
             )
         });
         let is_asked_again = self.laps > 1 && self.driver != pilot::MANUAL && self.driver != "mission";
-        let laps = (is_asked_again && !find_world(&self.world)?.path.is_closed()).then(|| {
+        let laps = (is_asked_again && !self.resolve_world()?.path.is_closed()).then(|| {
             format!(
                 "{} is open: it is driven once, to its end, and not in {} laps",
                 self.world, self.laps
             )
         });
+        let package = self.package.as_ref().filter(|_| {
+            let world = self.resolve_world();
+            world.is_ok_and(|world| world.things.iter().all(|thing| thing.name != "package"))
+        });
+        let package = package.map(|code| {
+            format!(
+                "{} shows no package, so nothing will say {code}: --package is for warehouses",
+                self.world
+            )
+        });
         let of_mission = self.mission_notes();
         let notes = speed.into_iter().chain(camera).chain(late).chain(laps);
-        Ok(notes.chain(of_mission).collect())
+        Ok(notes
+            .chain(package)
+            .chain(self.road_note())
+            .chain(of_mission)
+            .collect())
+    }
+
+    /// What to say of options of the lane driver's form `road` in another form.
+    fn road_note(&self) -> Option<String> {
+        let options = &self.driver_options;
+        let form = options
+            .get("form")
+            .and_then(toml::Value::as_str)
+            .unwrap_or("curve");
+        let road = options.get("road")?.as_table()?;
+        let keys: Vec<String> = road.keys().map(|key| format!("road.{key}")).collect();
+        (self.driver == "lane" && form != "road" && !keys.is_empty()).then(|| {
+            format!(
+                "{}: only the form `road` reads this, and the form is `{form}`: it has no effect",
+                keys.join(", ")
+            )
+        })
     }
 
     /// What a delivery will not do though it is asked to.
@@ -102,6 +133,24 @@ mod tests {
         assert_eq!(notes.len(), 3);
         scenario.driver = "expert".to_owned();
         assert!(scenario.mission_notes().is_empty());
+    }
+
+    /// Options and a package that nobody reads were taken without a word.
+    #[test]
+    fn what_has_no_effect_is_said() {
+        let mut scenario = Scenario::new("oval-lane", "gopigo", "lane");
+        scenario.driver_options = toml::from_str("road = { centring = 0.5 }").unwrap();
+        scenario.package = Some("I1".to_owned());
+        let notes = scenario.notes().unwrap();
+        assert!(notes[0].contains("oval-lane shows no package"), "{notes:?}");
+        assert!(
+            notes[1].contains("road.centring: only the form `road`") && notes[1].contains("`curve`"),
+            "{notes:?}"
+        );
+        assert_eq!(notes.len(), 2);
+        scenario.driver_options.insert("form".to_owned(), "road".into());
+        scenario.world = "warehouse".to_owned();
+        assert!(scenario.notes().unwrap().is_empty());
     }
 
     /// "1 of 3 laps" was completed.

@@ -18,7 +18,7 @@ use std::path::Path;
 pub const MANUAL: &str = "manual";
 
 /// The network driver's option that names a second network, for the pedals.
-const THROTTLE_MODEL: &str = "throttle_model";
+pub(crate) const THROTTLE_MODEL: &str = "throttle_model";
 
 /// The mission's option that names what finds signs and lights: [`CLASSICAL`], or the file of a trained network.
 pub(crate) const DETECTOR: &str = "detector";

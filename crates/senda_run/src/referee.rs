@@ -3,6 +3,7 @@
 use crate::{
     Pilot, Scenario,
     drive::{Ending, Judge},
+    scenario::find_vehicle,
 };
 use senda_core::{Command, Truth};
 use senda_eval::Course;
@@ -19,6 +20,9 @@ const MISSION_LIMIT_S: f64 = 400.0;
 /// Standing for this long ends the run (s): longer than any start-up delay, shorter than a spectator's patience.
 const STANDING_S: f64 = 3.0;
 
+/// A battery that is below its empty voltage for this long ends the run (s): longer than a start under load pulls it down.
+const EMPTY_S: f64 = 1.0;
+
 /// Watches the true state and says when a run is over. Without a true state it only watches the driver.
 pub struct Referee {
     path: Curve,
@@ -30,6 +34,9 @@ pub struct Referee {
     time_limit_s: f64,
     standing_limit_s: f64,
     standing_since_s: Option<f64>,
+    /// Below this the vehicle has to stop (V); `None`: nothing says so, or the driver itself sees to it.
+    empty_v: Option<f64>,
+    empty_since_s: Option<f64>,
     lap_m: f64,
 }
 
@@ -60,6 +67,8 @@ impl Referee {
             }),
             standing_limit_s: STANDING_S,
             standing_since_s: None,
+            empty_v: empty_v(scenario),
+            empty_since_s: None,
             lap_m: way_m,
         }
     }
@@ -99,6 +108,11 @@ impl Judge for Referee {
         }
         let truth = truth?;
         let now_s = truth.stamp.as_s();
+        if self.empty_v.is_none_or(|empty_v| truth.battery_v >= empty_v) {
+            self.empty_since_s = None;
+        } else if now_s - *self.empty_since_s.get_or_insert(now_s) > EMPTY_S {
+            return Some(Ending::BatteryEmpty);
+        }
         if let Some(warehouse) = &self.warehouse {
             let at = truth.world_from_vehicle.position();
             let (_, place) = warehouse.nearest_street(&self.path, at);
@@ -128,6 +142,13 @@ impl Judge for Referee {
     }
 }
 
+/// The voltage below which the vehicle of a scenario has to stop. A mission has an option for it, and drives home or gives up by itself.
+fn empty_v(scenario: &Scenario) -> Option<f64> {
+    let vehicle = find_vehicle(&scenario.vehicle).ok()?;
+    let battery = vehicle.battery.filter(|_| scenario.driver != "mission")?;
+    Some(battery.empty_v)
+}
+
 /// What a scenario asks to be driven, as the metrics see it.
 pub fn course<'a>(scenario: &Scenario, world: &'a World) -> Course<'a> {
     Course {
@@ -142,5 +163,35 @@ pub fn way_m(path: &Curve, from_station_m: f64) -> f64 {
         path.length_m()
     } else {
         (path.length_m() - OPEN_END_M - from_station_m).max(0.1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Ears, drive};
+
+    /// Whatever the file said, an empty battery was driven on.
+    #[test]
+    fn an_empty_battery_ends_the_run() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("tired.toml");
+        let vehicle = find_vehicle("gopigo").unwrap().to_toml();
+        let ended = |start_v: f64| {
+            let tired = vehicle.replace("start_v = 9.277", &format!("start_v = {start_v:?}"));
+            std::fs::write(&path, tired).unwrap();
+            let scenario = Scenario {
+                time_limit_s: Some(3.0),
+                ..Scenario::new("straight", path.to_str().unwrap(), "line")
+            };
+            drive::in_memory(&scenario, &mut Ears::deaf()).unwrap()
+        };
+        let outcome = ended(7.1);
+        assert_eq!(outcome.ending, Ending::BatteryEmpty);
+        assert_eq!(outcome.summary.ended, "the battery is empty");
+        assert!((EMPTY_S..2.0).contains(&outcome.summary.duration_s));
+        assert_eq!(ended(8.0).ending, Ending::TimeOut);
+        let mission = Scenario::new("warehouse", "warehouse-cart", "mission");
+        assert_eq!(empty_v(&mission), None, "it has its own rule");
     }
 }

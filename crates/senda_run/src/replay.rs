@@ -4,7 +4,7 @@ use crate::{Ears, Pilot, RunError, Scenario, drive, drive::Ending};
 use senda_data::{NO_SUMMARY, Recording, RecordingWriter, Replay};
 use senda_world::World;
 use serde::Serialize;
-use std::io::Cursor;
+use std::{io::Cursor, path::Path};
 
 /// What to replay with; what is absent stays as recorded.
 #[derive(Debug, Clone, Default)]
@@ -76,6 +76,17 @@ pub fn run(recording: Recording, options: &Options, ears: &mut Ears) -> Result<R
         speed_mps = speed_mps.or(scenario.speed_mps);
     }
     driver_options.extend(options.driver_options.clone());
+    if options.driver_options.get("model").is_none()
+        && let Some(model) = driver_options.get("model").and_then(toml::Value::as_str)
+        && !Path::new(model).exists()
+    {
+        return Err(RunError::DriverOptions {
+            driver,
+            reason: format!(
+                "model: the network that drove is not at {model} any more; give its file with --model, or another driver with --driver"
+            ),
+        });
+    }
     let world = recorded_world(&recording)?;
     let mut header = recording.header.clone();
     header.driver.clone_from(&driver);
@@ -177,6 +188,26 @@ mod tests {
         other.steps[2].command = senda_core::Command::curvature(1.0, 0.1);
         let replayed = run(other, &Options::default(), &mut Ears::deaf()).unwrap();
         assert_eq!(replayed.unexplained, 1);
+    }
+
+    /// "No such file or directory" told nobody what to do.
+    #[test]
+    fn a_network_that_is_not_there_any_more_is_asked_for() {
+        let scenario = Scenario {
+            time_limit_s: Some(1.0),
+            ..Scenario::new("straight", "gopigo", "line")
+        };
+        let (_, mut recording) = drive::recorded(&scenario, &mut Ears::deaf()).unwrap();
+        let mut neural = Scenario::new("straight", "gopigo", "neural");
+        neural.driver_options.insert("model".into(), "gone.senda".into());
+        recording.header.scenario = neural.to_toml();
+        recording.header.driver = "neural".into();
+        let error = run(recording, &Options::default(), &mut Ears::deaf()).unwrap_err();
+        let error = error.to_string();
+        assert!(
+            error.contains("gone.senda") && error.contains("--model"),
+            "{error}"
+        );
     }
 
     /// What an interrupted replay had done by then claimed to be the whole.

@@ -1,6 +1,5 @@
 //! What to run: one TOML file or the flags of the command line, resolved to plain data.
 
-use crate::own_file::{self, Kind};
 pub use crate::start::StartOffset;
 use crate::{RunError, pilot, random, start::is_zero};
 use senda_toml::nearest_names;
@@ -60,12 +59,11 @@ pub struct Scenario {
     /// Options of the driver, as its documentation names them.
     #[serde(default, skip_serializing_if = "toml::Table::is_empty")]
     pub driver_options: toml::Table,
+    /// The world as a recording holds it, with light, floor and direction applied; no file has it.
+    #[serde(skip)]
+    pub recorded_world: Option<String>,
 }
 
-const SCENARIO_FILE: Kind = Kind {
-    name: "scenario file",
-    help: "the least that one says is world = \"oval\", vehicle = \"gopigo\" and driver = \"line\", a line each",
-};
 fn one() -> u32 {
     1
 }
@@ -95,6 +93,7 @@ impl Scenario {
             calibration: None,
             package: None,
             driver_options: toml::Table::new(),
+            recorded_world: None,
         }
     }
 
@@ -105,31 +104,6 @@ impl Scenario {
             scenario.speed_mps = find_vehicle(&self.vehicle)?.cruise_mps;
         }
         Ok(scenario)
-    }
-
-    /// Reads a scenario file. Errors name the line.
-    pub fn load(path: &Path) -> Result<Self, RunError> {
-        own_file::load(path, &SCENARIO_FILE)
-    }
-
-    /// Refuses options that the driver does not know. Where they stand in the scenario's file, its line is named.
-    pub fn check_driver_options(&self, file: Option<&Path>) -> Result<(), RunError> {
-        let Err(refused) = pilot::check_options(&self.driver, &self.driver_options) else {
-            return Ok(());
-        };
-        let line = file
-            .and_then(|path| std::fs::read_to_string(path).ok())
-            .and_then(|text| line_of_option(&text, &refused.key));
-        Err(match (file, line) {
-            (Some(path), Some(line)) => RunError::File {
-                path: format!("{}:{line}", path.display()).into(),
-                reason: format!("driver_options of `{}`: {}", self.driver, refused.reason),
-            },
-            _ => RunError::DriverOptions {
-                driver: self.driver.clone(),
-                reason: refused.reason,
-            },
-        })
     }
 
     /// As TOML, all keys written.
@@ -179,6 +153,9 @@ impl Scenario {
 
     /// The world with light, floor and direction applied.
     pub fn resolve_world(&self) -> Result<World, RunError> {
+        if let Some(text) = &self.recorded_world {
+            return Ok(World::parse("the recording's world", text)?.0);
+        }
         let mut world = find_world(&self.world)?;
         if let Some(light) = &self.light {
             world = world.with_light(light)?;
@@ -330,23 +307,8 @@ pub fn find_vehicle(name: &str) -> Result<VehicleSpec, RunError> {
     })
 }
 
-/// The line (from 1) on which a key of `[driver_options]` stands; dots lead into its tables.
-fn line_of_option(text: &str, key: &str) -> Option<usize> {
-    let root = toml::de::DeTable::parse(text).ok()?;
-    let mut table = root.get_ref();
-    let mut byte = None;
-    for part in std::iter::once("driver_options").chain(key.split('.')) {
-        let (name, value) = table.iter().find(|(name, _)| name.get_ref().as_ref() == part)?;
-        byte = Some(name.span().start);
-        match value.get_ref() {
-            toml::de::DeValue::Table(inner) => table = inner,
-            _ => break,
-        }
-    }
-    byte.map(|byte| 1 + text.bytes().take(byte).filter(|byte| *byte == b'\n').count())
-}
-
-fn looks_like_file(name: &str) -> bool {
+/// Whether a world or vehicle is named by its file.
+pub(crate) fn looks_like_file(name: &str) -> bool {
     name.ends_with(".toml") || name.contains(['/', '\\'])
 }
 
@@ -396,61 +358,6 @@ mod tests {
         assert_eq!(back, scenario);
     }
 
-    /// A missing file was answered with "No such file or directory (os error 2)", a misspelt key with a list of all.
-    #[test]
-    fn files_that_cannot_be_used_say_what_was_expected_and_what_to_do() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("scenario.toml");
-        let refused = |content: &[u8]| {
-            std::fs::write(&path, content).unwrap();
-            Scenario::load(&path).unwrap_err().to_string()
-        };
-        for (content, words) in [
-            (&b""[..], &["an empty file", "world = \"oval\""][..]),
-            (
-                b"# nothing yet\n",
-                &["missing field `world`", "driver = \"line\""],
-            ),
-            (b"world = '\xff'", &["no UTF-8 text from byte 9 on"]),
-            (b"world = 'oval'\nlpas = 2\n", &["line 2", "did you mean `laps`?"]),
-            (
-                b"[options]\nform = 'shape'\n",
-                &["did you mean `driver_options`?"],
-            ),
-        ] {
-            let error = refused(content);
-            for word in words.iter().chain(&["scenario.toml"]) {
-                assert!(error.contains(word), "{word:?} in {error}");
-            }
-        }
-        let nowhere = folder.path().join("nope.toml");
-        let nowhere = nowhere.to_str().unwrap();
-        let scenario = Scenario::load(Path::new(nowhere)).unwrap_err().to_string();
-        assert!(
-            scenario.contains("expected a scenario file, but found no such file"),
-            "{scenario}"
-        );
-        let world = find_world(nowhere).unwrap_err().to_string();
-        assert!(
-            world.contains("expected a world file") && world.contains("senda world list"),
-            "{world}"
-        );
-        let vehicle = find_vehicle(nowhere).unwrap_err().to_string();
-        assert!(vehicle.contains("expected a vehicle file"), "{vehicle}");
-        let body = VehicleSpec::named("gopigo").unwrap().body();
-        let calibration = crate::calibration::believed_body(&body, Some(nowhere))
-            .unwrap_err()
-            .to_string();
-        assert!(
-            calibration.contains("expected a calibration file"),
-            "{calibration}"
-        );
-        let plan = crate::sweep::Plan::load(Path::new(nowhere))
-            .unwrap_err()
-            .to_string();
-        assert!(plan.contains("expected a sweep plan"), "{plan}");
-    }
-
     #[test]
     fn a_mission_gives_up_at_its_own_vehicles_voltage() {
         let empty_v = |scenario: &Scenario| {
@@ -490,45 +397,6 @@ mod tests {
                 .to_string()
                 .contains("ends in .toml")
         );
-    }
-
-    #[test]
-    fn driver_options_that_nobody_knows_are_named_with_their_line() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("scenario.toml");
-        let text =
-            "world = 'oval'\nvehicle = 'gopigo'\ndriver = 'line'\n[driver_options]\nfrm = 'document'\n";
-        std::fs::write(&path, text).unwrap();
-        let mut scenario = Scenario::load(&path).unwrap();
-        let error = scenario
-            .check_driver_options(Some(&path))
-            .unwrap_err()
-            .to_string();
-        assert!(error.contains("scenario.toml:5: "), "{error}");
-        assert!(error.ends_with("did you mean `form`?"), "{error}");
-        // Of two keys of one name, the one that is to blame.
-        let text = "world = 'oval'\nvehicle = 'gopigo'\ndriver = 'line'\n[driver_options.track]\n[driver_options.follow]\n\
-                    settle_m = 1.0\nsetle_s = 2\n";
-        std::fs::write(&path, text).unwrap();
-        let nested = Scenario::load(&path).unwrap();
-        let error = nested.check_driver_options(Some(&path)).unwrap_err().to_string();
-        assert!(
-            error.contains("scenario.toml:7: ") && error.contains("follow: "),
-            "{error}"
-        );
-        assert!(error.ends_with("did you mean `settle_s`?"), "{error}");
-        // From a flag: no line to name.
-        let error = scenario.check_driver_options(None).unwrap_err().to_string();
-        assert!(error.starts_with("options of driver `line`: "), "{error}");
-        scenario.driver_options = toml::from_str("form = 'documnet'").unwrap();
-        let error = scenario.check_driver_options(None).unwrap_err().to_string();
-        assert!(error.contains("did you mean `document`?"), "{error}");
-        // Every ready driver takes its own defaults.
-        for (driver, _) in pilot::DRIVERS {
-            Scenario::new("oval", "gopigo", driver)
-                .check_driver_options(None)
-                .unwrap();
-        }
     }
 
     #[test]

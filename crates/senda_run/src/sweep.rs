@@ -4,10 +4,11 @@
 //! line, in the order in which runs end; a second start reads that file and does only what is missing. Nothing depends
 //! on the number of threads but the order of the lines.
 
-use crate::own_file::{self, Kind};
-use crate::{Ears, RunError, Scenario, drive, pilot, random, scenario::StartOffset};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+mod plan;
+
+pub use plan::{Plan, StartSpread};
+
+use crate::{Ears, RunError, Scenario, drive, pilot, scenario};
 use rayon::prelude::*;
 use senda_eval::Summary;
 use serde::{Deserialize, Serialize};
@@ -21,75 +22,10 @@ use std::{
     sync::atomic::{AtomicUsize, Ordering},
 };
 
-const PLAN_FILE: Kind = Kind {
-    name: "sweep plan",
-    help: "it holds a scenario as [base] and lists of what to vary, such as lights = [\"daylight\", \"lamp\"]",
-};
-
-/// What to vary. Empty lists keep the base scenario's value.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Plan {
-    /// The scenario that everything else is varied around.
-    pub base: Scenario,
-    /// Worlds; `random-line:100..200` stands for a hundred.
-    #[serde(default)]
-    pub worlds: Vec<String>,
-    /// Drivers.
-    #[serde(default)]
-    pub drivers: Vec<String>,
-    /// Lights.
-    #[serde(default)]
-    pub lights: Vec<String>,
-    /// Floors.
-    #[serde(default)]
-    pub floors: Vec<String>,
-    /// Speeds (m/s).
-    #[serde(default)]
-    pub speeds_mps: Vec<f64>,
-    /// Further delays from the exposure to the driver (s).
-    #[serde(default)]
-    pub latencies_s: Vec<f64>,
-    /// Image sizes (px).
-    #[serde(default)]
-    pub images_px: Vec<[u32; 2]>,
-    /// Also drive the other way round.
-    #[serde(default)]
-    pub both_directions: bool,
-    /// Starting places are drawn from this spread.
-    #[serde(default)]
-    pub start_spread: StartSpread,
-    /// Seeds a combination: 1 runs each once.
-    #[serde(default = "one")]
-    pub seeds: u64,
-    /// Draws this many runs at random from all combinations instead of running every one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sample: Option<usize>,
-}
-
-/// Half widths of the uniform distributions that starting places are drawn from.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct StartSpread {
-    /// To either side of the path (m).
-    #[serde(default)]
-    pub offset_m: f64,
-    /// Turned to either side (rad).
-    #[serde(default)]
-    pub heading_rad: f64,
-    /// Further along the path, 0 to this (m); on open paths what lies beyond their way goes on from its beginning.
-    #[serde(default)]
-    pub station_m: f64,
-}
-
-fn one() -> u64 {
-    1
-}
-
 /// One run's line in the results file.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Line {
-    /// Identifies the run: a hash of its scenario and of senda's version.
+    /// Identifies the run: a hash of its scenario, of the files that it names, and of senda's version and commit.
     pub key: String,
     /// What was run.
     pub scenario: Scenario,
@@ -101,181 +37,34 @@ pub struct Line {
     pub error: Option<String>,
 }
 
-impl Plan {
-    /// A plan that runs its base once.
-    pub fn once(base: Scenario) -> Self {
-        Self {
-            base,
-            worlds: vec![],
-            drivers: vec![],
-            lights: vec![],
-            floors: vec![],
-            speeds_mps: vec![],
-            latencies_s: vec![],
-            images_px: vec![],
-            both_directions: false,
-            start_spread: StartSpread::default(),
-            seeds: 1,
-            sample: None,
-        }
-    }
-
-    /// Reads a sweep file. Errors name the line.
-    pub fn load(path: &Path) -> Result<Self, RunError> {
-        own_file::load(path, &PLAN_FILE)
-    }
-
-    /// Every run of the plan, in a fixed order. Run number i depends on the plan and i alone.
-    pub fn runs(&self) -> Result<Vec<Scenario>, RunError> {
-        let or_base = |list: &[String], base: &str| {
-            if list.is_empty() {
-                vec![base.to_owned()]
-            } else {
-                list.to_vec()
-            }
-        };
-        let worlds = random::expand(&or_base(&self.worlds, &self.base.world))?;
-        let drivers = or_base(&self.drivers, &self.base.driver);
-        let some = |list: &[String], base: &Option<String>| -> Vec<Option<String>> {
-            if list.is_empty() {
-                vec![base.clone()]
-            } else {
-                list.iter().cloned().map(Some).collect()
-            }
-        };
-        let lights = some(&self.lights, &self.base.light);
-        let floors = some(&self.floors, &self.base.floor);
-        let speeds: Vec<Option<f64>> = if self.speeds_mps.is_empty() {
-            vec![self.base.speed_mps]
-        } else {
-            self.speeds_mps.iter().copied().map(Some).collect()
-        };
-        let latencies = if self.latencies_s.is_empty() {
-            vec![self.base.latency_s]
-        } else {
-            self.latencies_s.clone()
-        };
-        let images: Vec<Option<[u32; 2]>> = if self.images_px.is_empty() {
-            vec![self.base.image_px]
-        } else {
-            self.images_px.iter().copied().map(Some).collect()
-        };
-        let directions = if self.both_directions {
-            vec![false, true]
-        } else {
-            vec![self.base.reverse]
-        };
-        let seeds: Vec<u64> = (0..self.seeds.max(1)).map(|i| self.base.seed + i).collect();
-        let sizes = [
-            worlds.len(),
-            drivers.len(),
-            lights.len(),
-            floors.len(),
-            speeds.len(),
-            images.len(),
-            directions.len(),
-            seeds.len(),
-            latencies.len(),
-        ];
-        let total: usize = sizes.iter().product();
-        let scenario = |places: [usize; 9], number: u64| -> Scenario {
-            let mut rng = ChaCha8Rng::seed_from_u64(self.base.seed);
-            rng.set_stream(number + 1);
-            let mut spread = |half: f64| {
-                if half > 0.0 {
-                    rng.random_range(-half..=half)
-                } else {
-                    0.0
-                }
-            };
-            let start = StartOffset {
-                offset_m: self.base.start.offset_m + spread(self.start_spread.offset_m),
-                heading_rad: self.base.start.heading_rad + spread(self.start_spread.heading_rad),
-                station_m: self.base.start.station_m + spread(self.start_spread.station_m).abs(),
-                speed_mps: self.base.start.speed_mps,
-            };
-            Scenario {
-                world: worlds[places[0]].clone(),
-                driver: drivers[places[1]].clone(),
-                light: lights[places[2]].clone(),
-                floor: floors[places[3]].clone(),
-                speed_mps: speeds[places[4]],
-                image_px: images[places[5]],
-                reverse: directions[places[6]],
-                seed: seeds[places[7]],
-                latency_s: latencies[places[8]],
-                start,
-                ..self.base.clone()
-            }
-        };
-        let mut picker = ChaCha8Rng::seed_from_u64(self.base.seed);
-        Ok(match self.sample {
-            None => (0..total)
-                .map(|number| scenario(unravel(number, &sizes), number as u64))
-                .collect(),
-            Some(count) => (0..count as u64)
-                .map(|number| {
-                    let mut draw = |size: usize| picker.random_range(0..size);
-                    let mut places = [0; 9];
-                    for (place, size) in places.iter_mut().zip(sizes).take(8) {
-                        *place = draw(size);
-                    }
-                    // No draw without a choice: sweeps that do not vary it keep their runs.
-                    if sizes[8] > 1 {
-                        places[8] = draw(sizes[8]);
-                    }
-                    let drawn = scenario(places, number);
-                    Scenario {
-                        seed: self.base.seed + number,
-                        ..drawn
-                    }
-                })
-                .collect(),
-        })
-    }
-}
-
-impl Plan {
-    /// A run whose start was drawn beyond an open path's end, brought back onto the way.
-    fn on_the_way(&self, run: &Scenario) -> Scenario {
-        let mut run = run.clone();
-        // A world that does not resolve is complained of by the run itself.
-        if self.start_spread.station_m > 0.0
-            && let Ok(world) = run.resolve_world()
-        {
-            run.start = run.start.on_the_way(&world);
-        }
-        run
-    }
-}
-
-fn unravel(mut number: usize, sizes: &[usize; 9]) -> [usize; 9] {
-    let mut places = [0; 9];
-    for i in (0..9).rev() {
-        places[i] = number % sizes[i];
-        number /= sizes[i];
-    }
-    places
-}
-
-/// The keys of runs: the same scenario (with the same content of the model files that its driver is given) under the same
-/// version of senda gives the same result. A model file that many runs share is read once.
+/// The keys of runs: the same scenario (with the same content of the files of worlds, vehicles, calibrations and models that it
+/// names) under the same senda gives the same result. A file that many runs share is read once.
 fn keys(runs: &[Scenario]) -> Vec<String> {
     let hex = |bytes: &[u8]| -> String { bytes.iter().map(|byte| format!("{byte:02x}")).collect() };
-    let mut models: BTreeMap<&str, String> = BTreeMap::new();
-    let key = |scenario| {
-        let mut text = format!("{}\n{}", env!("CARGO_PKG_VERSION"), Scenario::to_toml(scenario));
-        for option in ["model", pilot::DETECTOR] {
-            let Some(model) = scenario.driver_options.get(option).and_then(toml::Value::as_str) else {
-                continue;
-            };
-            text += models.entry(model).or_insert_with(|| {
-                std::fs::read(model).map_or_else(|_| String::new(), |content| hex(&Sha256::digest(content)))
+    let mut contents: BTreeMap<&str, String> = BTreeMap::new();
+    let mut keys = Vec::with_capacity(runs.len());
+    for scenario in runs {
+        let (version, commit) = (env!("CARGO_PKG_VERSION"), crate::COMMIT);
+        let mut text = format!("{version}\n{commit}\n{}", scenario.to_toml());
+        text += scenario.recorded_world.as_deref().unwrap_or_default();
+        for file in files_of(scenario) {
+            text += contents.entry(file).or_insert_with(|| {
+                std::fs::read(file).map_or_else(|_| String::new(), |content| hex(&Sha256::digest(content)))
             });
         }
-        hex(&Sha256::digest(text)[..8])
-    };
-    runs.iter().map(key).collect()
+        keys.push(hex(&Sha256::digest(text)[..8]));
+    }
+    keys
+}
+
+/// The files that a scenario names.
+fn files_of(scenario: &Scenario) -> impl Iterator<Item = &str> {
+    let named = [&scenario.world, &scenario.vehicle].map(String::as_str);
+    let models = ["model", pilot::THROTTLE_MODEL, pilot::DETECTOR]
+        .into_iter()
+        .filter_map(|option| scenario.driver_options.get(option)?.as_str());
+    let files = named.into_iter().filter(|name| scenario::looks_like_file(name));
+    files.chain(scenario.calibration.as_deref()).chain(models)
 }
 
 /// Runs a plan on all threads of the current rayon pool. Lines of `results` that belong to the plan are kept; missing
@@ -289,13 +78,7 @@ pub fn run(
     interrupted: &(dyn Fn() -> bool + Sync),
     clock_ns: &(dyn Fn() -> u64 + Sync),
 ) -> Result<Vec<Line>, RunError> {
-    if plan.sample == Some(0) {
-        return Err(RunError::Scenario {
-            key: "sample",
-            found: "0".to_owned(),
-            expected: "at least 1; left out, every combination is run".to_owned(),
-        });
-    }
+    plan.check()?;
     let runs = plan.runs()?;
     let keys = keys(&runs);
     let mut done: BTreeMap<String, Line> = BTreeMap::new();
@@ -445,22 +228,61 @@ mod tests {
         assert_eq!(sampled.len(), 10);
     }
 
-    /// Another content of a model file, under whichever option, is another run.
+    /// Another content of a file is another run, whatever names it: the figures of a world that had been edited since were given as
+    /// those of the world.
     #[test]
-    fn keys_follow_the_content_of_models() {
+    fn keys_follow_the_content_of_files() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("model.senda");
-        for option in ["model", "detector"] {
+        let path = folder.path().join("file.toml");
+        for option in [
+            "model",
+            "throttle_model",
+            "detector",
+            "world",
+            "vehicle",
+            "calibration",
+        ] {
             let mut plan = plan();
-            plan.base
-                .driver_options
-                .insert(option.to_owned(), path.to_str().unwrap().into());
+            let file = path.to_str().unwrap().to_owned();
+            match option {
+                "world" => plan.base.world = file,
+                "vehicle" => plan.base.vehicle = file,
+                "calibration" => plan.base.calibration = Some(file),
+                _ => drop(plan.base.driver_options.insert(option.to_owned(), file.into())),
+            }
             let runs = plan.runs().unwrap();
             std::fs::write(&path, "one").unwrap();
             let one = keys(&runs);
             assert_eq!(keys(&runs), one);
             std::fs::write(&path, "other").unwrap();
             assert_ne!(keys(&runs), one, "{option}");
+        }
+    }
+
+    /// No seed at all was one run, and a spread below 0 none.
+    #[test]
+    fn ranges_of_a_plan_are_checked() {
+        let refused = |change: &dyn Fn(&mut Plan)| {
+            let mut plan = plan();
+            change(&mut plan);
+            run(&plan, None, &|_, _| {}, &|| true, &|| 0)
+                .err()
+                .map(|error| error.to_string())
+        };
+        assert_eq!(refused(&|_| {}), None);
+        for (key, change) in [
+            ("seeds", &(|plan: &mut Plan| plan.seeds = 0) as &dyn Fn(&mut Plan)),
+            ("sample", &|plan| plan.sample = Some(0)),
+            ("start_spread.offset_m", &|plan| plan.start_spread.offset_m = -1.0),
+            ("start_spread.heading_rad", &|plan| {
+                plan.start_spread.heading_rad = 4.0
+            }),
+            ("start_spread.station_m", &|plan| {
+                plan.start_spread.station_m = f64::NAN
+            }),
+        ] {
+            let error = refused(change).unwrap();
+            assert!(error.contains(&format!("`{key}` is")), "{error}");
         }
     }
 

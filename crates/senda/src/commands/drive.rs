@@ -16,14 +16,14 @@ use senda_run::{
 };
 use std::{
     fs::File,
-    io::{BufWriter, Cursor},
+    io::{self, BufWriter, Cursor, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
 };
 
 /// The flags that make a scenario; each overrides the same key of a scenario file.
 #[derive(Args, Clone, Default)]
 pub(crate) struct ScenarioFlags {
-    /// Scenario file (TOML); flags override its keys
+    /// Scenario file (TOML), or a recording (MCAP) to repeat; flags override its keys
     #[arg(long, value_name = "FILE")]
     pub(crate) scenario: Option<PathBuf>,
     /// Ready world, world file or `random-line:SEED` (`senda world list` shows the names)
@@ -114,6 +114,7 @@ impl ScenarioFlags {
 
     /// The flags laid over a scenario.
     pub(crate) fn over(&self, mut scenario: Scenario) -> Result<Scenario> {
+        let given = scenario.clone();
         let set = |into: &mut String, from: &Option<String>| {
             if let Some(from) = from {
                 into.clone_from(from);
@@ -145,6 +146,7 @@ impl ScenarioFlags {
                 .insert("model".to_owned(), model.as_str().into());
         }
         merge(&mut scenario.driver_options, parse_option_list(&self.options)?);
+        scenario.keep_recorded_world(&given);
         scenario.check()?;
         Ok(scenario)
     }
@@ -265,10 +267,17 @@ pub(crate) fn drive_and_keep(
     let mut ears = terminal::ears(&bar);
     let seat = seat(hands, scenario, record.is_some(), &mut ears)?;
     let (mut outcome, recording) = if let Some(folder) = record {
-        let path = recording_path(folder, scenario)?;
-        let file = File::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
-        let (outcome, _) = drive::run_by(scenario, seat, Some(BufWriter::new(file)), &mut ears)
-            .with_context(|| format!("while recording to {}", path.display()))?;
+        let path = recording_path(folder, scenario);
+        let sink = LateFile::new(&path);
+        let (outcome, _) = drive::run_by(scenario, seat, Some(sink), &mut ears).map_err(|error| {
+            let error = anyhow::Error::from(error);
+            // A scenario that cannot be driven is no fault of the recording, which was not begun.
+            if path.exists() {
+                error.context(format!("while recording to {}", path.display()))
+            } else {
+                error
+            }
+        })?;
         terminal::tell(format!("recording: {}", path.display()));
         let recording = report
             .is_some()
@@ -314,8 +323,7 @@ pub(crate) fn drive_and_keep(
 }
 
 /// `DIR/oval-gopigo-line-1.mcap`; an existing file is never overwritten.
-fn recording_path(folder: &Path, scenario: &Scenario) -> Result<PathBuf> {
-    std::fs::create_dir_all(folder).with_context(|| format!("cannot make folder {}", folder.display()))?;
+fn recording_path(folder: &Path, scenario: &Scenario) -> PathBuf {
     let stem = |name: &str| -> String {
         let last = Path::new(name)
             .file_stem()
@@ -339,5 +347,57 @@ fn recording_path(folder: &Path, scenario: &Scenario) -> Result<PathBuf> {
         path = folder.join(format!("{name}-{number}.mcap"));
         number += 1;
     }
-    Ok(path)
+    path
+}
+
+/// A file that is made, with its folder, when the first byte is written: a run that is refused leaves none.
+struct LateFile {
+    path: PathBuf,
+    file: Option<BufWriter<File>>,
+}
+
+impl LateFile {
+    fn new(path: &Path) -> Self {
+        Self {
+            path: path.to_owned(),
+            file: None,
+        }
+    }
+
+    fn file(&mut self) -> io::Result<&mut BufWriter<File>> {
+        if self.file.is_none() {
+            self.file = Some(BufWriter::new(self.create().map_err(|error| {
+                io::Error::new(
+                    error.kind(),
+                    format!("cannot write {}: {error}", self.path.display()),
+                )
+            })?));
+        }
+        self.file
+            .as_mut()
+            .ok_or_else(|| io::Error::other("the file was made and is gone"))
+    }
+
+    fn create(&self) -> io::Result<File> {
+        if let Some(folder) = self.path.parent() {
+            std::fs::create_dir_all(folder)?;
+        }
+        File::create(&self.path)
+    }
+}
+
+impl Write for LateFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file()?.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file()?.flush()
+    }
+}
+
+impl Seek for LateFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.file()?.seek(to)
+    }
 }

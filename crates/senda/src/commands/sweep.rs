@@ -13,7 +13,7 @@ use senda_eval::{
     statistics::{Interval, Rate},
 };
 use senda_run::sweep::{self, Line, Plan};
-use std::path::PathBuf;
+use std::{collections::BTreeSet, path::PathBuf};
 
 #[derive(Args)]
 pub(crate) struct Arguments {
@@ -47,13 +47,13 @@ pub(crate) struct Arguments {
     #[arg(long)]
     both_directions: bool,
     /// Starting places differ by up to this many m to either side
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
     spread_offset: Option<f64>,
     /// Starting headings differ by up to this many degrees to either side
-    #[arg(long, value_name = "DEG")]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     spread_heading_deg: Option<f64>,
     /// Starting places differ by up to this many m along the path
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
     spread_station: Option<f64>,
     /// Seeds for each combination
     #[arg(long, value_name = "N")]
@@ -168,6 +168,16 @@ pub(crate) struct Output {
 
 /// Runs a plan and tells the rates.
 pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
+    plan.check()?;
+    let mut warnings = output.warnings.clone();
+    let repeated = plan.repeated()?;
+    if repeated > 0 {
+        let words = format!(
+            "{repeated} runs equal others in everything and are left out: each is run and counted once"
+        );
+        tell!("warning: {words}");
+        warnings.push(words);
+    }
     let jobs = output.jobs.unwrap_or(0);
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(jobs)
@@ -194,7 +204,11 @@ pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
     let total = plan.runs()?.len();
     let interrupted = lines.len() < total;
     let mut head = Page::new(output.title, &command_line());
-    head.notes.clone_from(&output.warnings);
+    if let Some(words) = driven_alike(&lines) {
+        tell!("warning: {words}");
+        warnings.push(words);
+    }
+    head.notes.clone_from(&warnings);
     if interrupted {
         head.notes
             .push(format!("Interrupted after {} of {total} runs.", lines.len()));
@@ -215,7 +229,7 @@ pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
             "runs": lines.len(),
             "wanted": total,
             "interrupted": interrupted,
-            "warnings": output.warnings,
+            "warnings": warnings,
             "errors": table.errors,
             "wall_s": wall_s,
             "rows": table.rows,
@@ -263,6 +277,22 @@ pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
     }
     say!("\n{} of {total} runs in {wall_s:.1} s", lines.len())?;
     whole(&runs, table.errors, interrupted)
+}
+
+/// What to say where runs differ in what was asked, but not in what was driven: a driver that sees nothing of a light is not tested
+/// by it, and one without chance is not tested by a seed.
+fn driven_alike(lines: &[Line]) -> Option<String> {
+    let driven = lines
+        .iter()
+        .filter_map(|line| Some(line.summary.as_ref()?.digest.as_str()));
+    let different: BTreeSet<&str> = driven.clone().collect();
+    let alike = driven.count() - different.len();
+    (alike > 0).then(|| {
+        format!(
+            "{alike} of {} runs were driven exactly as another one (equal digests): they count as runs of their own, so the intervals              are narrower than what is known",
+            lines.len()
+        )
+    })
 }
 
 /// An error where some runs could not be run: what was told of the others is not what was asked for. An interrupted sweep ends as
