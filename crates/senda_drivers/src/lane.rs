@@ -155,9 +155,9 @@ impl LaneDriver {
     pub fn new(body: &Body, options: LaneOptions) -> Result<Self, DriverError> {
         let shape = &options.shape;
         shape.validate()?;
+        options.road.validate()?;
         let beside_m = shape.one_line_offset_m.unwrap_or(0.5 * track_m(body));
         let lane = if options.form == Form::Road {
-            options.road.validate()?;
             Lane::Road(Box::new(RoadLane::new(options.road, *shape, &options.sight)))
         } else if options.form == Form::Document {
             let limits = PairLimits {

@@ -19,7 +19,7 @@ pub struct RoadOptions {
     pub kept: f64,
     /// How far paint must agree to be a road, 0..1: paint without order, over a lane 0.9 m wide, reaches 0.07.
     pub agreement: f64,
-    /// So much line must be in sight, as part of `sight.range_m`. A guess.
+    /// So much line must be in sight, as part of `sight.range_m`, 0..2: two lines all along are 2. A guess.
     pub least_part: f64,
     /// Part of the way to the lane's middle that is steered for: 1 drives in the middle, 0 along the road at the place where
     /// the vehicle is.
@@ -41,7 +41,8 @@ impl RoadOptions {
     pub(crate) fn validate(&self) -> Result<(), DriverError> {
         check("road.kept", self.kept, 0.0, 0.999)?;
         check("road.agreement", self.agreement, 0.0, 1.0)?;
-        check("road.least_part", self.least_part, 0.0, 100.0)?;
+        // Two lines all along the way are twice of it.
+        check("road.least_part", self.least_part, 0.0, 2.0)?;
         check("road.centring", self.centring, 0.0, 1.0)
     }
 }

@@ -80,10 +80,10 @@ enum What {
     /// What a camera sees of the floor, by height and tilt
     Placement {
         /// Height of the lens (m)
-        #[arg(long, default_value_t = 0.095)]
+        #[arg(long, default_value_t = 0.095, allow_negative_numbers = true)]
         height: f64,
         /// Vertical view angle (degrees)
-        #[arg(long, default_value_t = 42.3)]
+        #[arg(long, default_value_t = 42.3, allow_negative_numbers = true)]
         view_deg: f64,
         /// Wanted near limit (m), with --far: prints height and tilt that give both
         #[arg(long, requires = "far")]
@@ -248,6 +248,12 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             far,
             json,
         } => {
+            if !(height > 0.0 && height <= 100.0) {
+                bail!("--height {height}: expected metres above 0 and at most 100");
+            }
+            if !(view_deg > 0.0 && view_deg < 180.0) {
+                bail!("--view-deg {view_deg}: expected degrees above 0 and below 180");
+            }
             let view = view_deg.to_radians();
             if let (Some(near), Some(far)) = (near, far) {
                 if !(0.0 < near && near < far) {

@@ -15,12 +15,13 @@ use std::f64::consts::FRAC_PI_2;
 
 /// View angle (rad) of a camera along one axis of its image, from a photograph of a page that is parallel to the image:
 /// the page's extent (px) and the image's (px) along that axis, the page's true extent and its distance to the lens (m).
-/// `None` unless all are positive.
+/// `None` unless all are positive, and the page no larger than the image.
 pub fn view_angle_rad(page_px: f64, image_px: f64, page_m: f64, distance_m: f64) -> Option<f64> {
     let positive = [page_px, image_px, page_m, distance_m]
         .iter()
         .all(|x| x.is_finite() && *x > 0.0);
-    positive.then(|| 2.0 * trig::atan(image_px * page_m / page_px / 2.0 / distance_m))
+    (positive && page_px <= image_px)
+        .then(|| 2.0 * trig::atan(image_px * page_m / page_px / 2.0 / distance_m))
 }
 
 /// The stretch of floor ahead of the lens that the middle column of the image shows.
