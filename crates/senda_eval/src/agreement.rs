@@ -5,7 +5,7 @@ use crate::text;
 use senda_data::Recording;
 use serde::{Deserialize, Serialize};
 
-/// Agreement of two steerings, in the unit that both were given in. Differences are `driver - reference`.
+/// Agreement of two steerings, both angles of the front wheels (rad). Differences are `driver - reference`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Agreement {
     /// Frames given.
@@ -16,31 +16,31 @@ pub struct Agreement {
     pub found_rate: f64,
     /// Pearson's correlation; `None` when one side never changes.
     pub correlation: Option<f64>,
-    /// Part of the frames that steer to the same side, among those where the reference steers by more than `dead_band`.
+    /// Part of the frames that steer to the same side, among those where the reference steers by more than `dead_band_rad`.
     pub sign_agreement: Option<f64>,
     /// Frames that steer to the same side.
     pub same_side: u64,
-    /// Frames where the reference steers by more than `dead_band`.
+    /// Frames where the reference steers by more than `dead_band_rad`.
     pub sided: u64,
     /// The band around straight that counts as no side.
-    pub dead_band: f64,
+    pub dead_band_rad: f64,
     /// Mean absolute difference (MAE).
-    pub mean_absolute_error: Option<f64>,
+    pub mean_absolute_error_rad: Option<f64>,
     /// Root mean square difference (RMSE, B6 in SPEC).
-    pub root_mean_square_error: Option<f64>,
+    pub root_mean_square_error_rad: Option<f64>,
     /// Median absolute difference: what an ordinary frame shows.
-    pub median_absolute_error: Option<f64>,
+    pub median_absolute_error_rad: Option<f64>,
     /// Mean difference: a camera mounted askew or a steering trim.
-    pub offset: Option<f64>,
+    pub offset_rad: Option<f64>,
     /// Mean absolute difference after the offset is taken out.
-    pub compensated_error: Option<f64>,
+    pub compensated_error_rad: Option<f64>,
     /// Mean absolute difference of a driver that always answers with the reference's median: the figure to beat.
-    pub constant_error: Option<f64>,
+    pub constant_error_rad: Option<f64>,
 }
 
 /// Compares frame by frame. `driver[i]` is `None` where the driver did not find what it follows; such frames lower the
 /// found rate and count in no error. Pairs with a number that is not finite are left out.
-pub fn agreement(reference: &[f64], driver: &[Option<f64>], dead_band: f64) -> Agreement {
+pub fn agreement(reference: &[f64], driver: &[Option<f64>], dead_band_rad: f64) -> Agreement {
     let frames = reference.len().min(driver.len());
     let pairs: Vec<(f64, f64)> = reference
         .iter()
@@ -57,7 +57,7 @@ pub fn agreement(reference: &[f64], driver: &[Option<f64>], dead_band: f64) -> A
     };
     let sided: Vec<f64> = pairs
         .iter()
-        .filter(|(reference, _)| reference.abs() > dead_band)
+        .filter(|(reference, _)| reference.abs() > dead_band_rad)
         .map(|(reference, driver)| if reference * driver > 0.0 { 1.0 } else { 0.0 })
         .collect();
     let offset = mean(&differences);
@@ -74,13 +74,13 @@ pub fn agreement(reference: &[f64], driver: &[Option<f64>], dead_band: f64) -> A
         sign_agreement: mean(&sided),
         same_side: sided.iter().filter(|same| **same > 0.0).count() as u64,
         sided: sided.len() as u64,
-        dead_band,
-        mean_absolute_error: mean(&absolute(&differences, 0.0)),
-        root_mean_square_error: root_mean_square(&differences),
-        median_absolute_error: median(&absolute(&differences, 0.0)),
-        offset,
-        compensated_error: offset.and_then(|offset| mean(&absolute(&differences, offset))),
-        constant_error: median(&references).and_then(|middle| mean(&absolute(&references, middle))),
+        dead_band_rad,
+        mean_absolute_error_rad: mean(&absolute(&differences, 0.0)),
+        root_mean_square_error_rad: root_mean_square(&differences),
+        median_absolute_error_rad: median(&absolute(&differences, 0.0)),
+        offset_rad: offset,
+        compensated_error_rad: offset.and_then(|offset| mean(&absolute(&differences, offset))),
+        constant_error_rad: median(&references).and_then(|middle| mean(&absolute(&references, middle))),
     }
 }
 
@@ -113,7 +113,7 @@ pub fn of_recordings(recorded: &Recording, driven: &Recording) -> Agreement {
 }
 
 impl Agreement {
-    /// The figures as label and value for people, taking the steerings as radians.
+    /// The figures as label and value for people.
     pub fn rows(&self) -> Vec<(&'static str, String)> {
         let number = |value: Option<f64>| value.map_or("unknown".into(), |v| text::fixed(v, 3));
         let angle = |value: Option<f64>| value.map_or("unknown".into(), text::angle_both);
@@ -140,12 +140,12 @@ impl Agreement {
                     None => "unknown".into(),
                 },
             ),
-            ("mean absolute error", angle(self.mean_absolute_error)),
-            ("root mean square error", angle(self.root_mean_square_error)),
-            ("median absolute error", angle(self.median_absolute_error)),
-            ("constant offset", angle(self.offset)),
-            ("error without the offset", angle(self.compensated_error)),
-            ("error of always the median", angle(self.constant_error)),
+            ("mean absolute error", angle(self.mean_absolute_error_rad)),
+            ("root mean square error", angle(self.root_mean_square_error_rad)),
+            ("median absolute error", angle(self.median_absolute_error_rad)),
+            ("constant offset", angle(self.offset_rad)),
+            ("error without the offset", angle(self.compensated_error_rad)),
+            ("error of always the median", angle(self.constant_error_rad)),
         ]
     }
 
@@ -169,11 +169,11 @@ mod tests {
         let found = agreement(&human, &driver, 0.05);
         let close = |a: Option<f64>, b: f64| assert!((a.unwrap() - b).abs() < 1e-12, "{a:?} {b}");
         close(found.correlation, 1.0);
-        close(found.offset, 0.25);
-        close(found.mean_absolute_error, 0.25);
-        close(found.root_mean_square_error, 0.25);
-        close(found.median_absolute_error, 0.25);
-        assert!(found.compensated_error.unwrap() < 1e-12);
+        close(found.offset_rad, 0.25);
+        close(found.mean_absolute_error_rad, 0.25);
+        close(found.root_mean_square_error_rad, 0.25);
+        close(found.median_absolute_error_rad, 0.25);
+        assert!(found.compensated_error_rad.unwrap() < 1e-12);
         assert!(found.sign_agreement.unwrap() < 1.0);
     }
 
@@ -186,7 +186,30 @@ mod tests {
         );
         assert_eq!((found.frames, found.compared, found.found_rate), (4, 2, 0.5));
         assert_eq!(found.sign_agreement, Some(1.0));
-        assert!((found.mean_absolute_error.unwrap() - 0.05).abs() < 1e-12);
+        assert!((found.mean_absolute_error_rad.unwrap() - 0.05).abs() < 1e-12);
+    }
+
+    /// Keys of angles named no unit.
+    #[test]
+    fn keys_of_angles_name_their_unit() {
+        let value = serde_json::to_value(agreement(&[0.1], &[Some(0.2)], STRAIGHT_RAD)).unwrap();
+        let without: Vec<&String> = value
+            .as_object()
+            .unwrap()
+            .keys()
+            .filter(|key| !key.ends_with("_rad"))
+            .collect();
+        let counts = [
+            "frames",
+            "compared",
+            "found_rate",
+            "correlation",
+            "sign_agreement",
+            "same_side",
+            "sided",
+        ];
+        assert_eq!(without.len(), counts.len(), "{without:?}");
+        assert!(counts.iter().all(|count| value.get(count).is_some()), "{value}");
     }
 
     #[test]

@@ -226,6 +226,11 @@ impl Summary {
         }
     }
 
+    /// Whether the errors count road that was to be driven and was not; an interrupted run's do not.
+    pub fn has_undriven_road(&self) -> bool {
+        !self.completed && self.ended != INTERRUPTED
+    }
+
     /// The figures as label and value for people: centimetres and degrees beside SI.
     pub fn rows(&self) -> Vec<(&'static str, String)> {
         let both = |mean: Option<f64>, max: Option<f64>, show: fn(f64) -> String| match (mean, max) {
@@ -258,7 +263,7 @@ impl Summary {
                 ),
             ),
         ];
-        if !self.completed && self.ended != INTERRUPTED {
+        if self.has_undriven_road() {
             let other = &self.other_means;
             if let (Some(lane), Some(heading)) =
                 (other.lane_error_as_defined_m, other.heading_error_as_defined_rad)

@@ -240,6 +240,20 @@ fn chosen<'a>(plan: &Plan, columns: &'a Columns) -> Option<Vec<&'a Column>> {
     (has_own || chosen.iter().any(|column| column.key == "true_speed")).then_some(chosen)
 }
 
+/// What captions say of the truth.
+const OF_TRUTH: [&str; 2] = [", and where it truly is", ", its true value"];
+
+/// A plan's caption, without the truth where nobody knows it.
+fn caption(plan: &Plan, chosen: &[&Column]) -> String {
+    let mut caption = plan.caption.to_owned();
+    if !chosen.iter().any(|column| column.key.starts_with("true_")) {
+        for words in OF_TRUTH {
+            caption = caption.replacen(words, "", 1);
+        }
+    }
+    caption
+}
+
 fn against_percent(plan: &Plan, columns: &Columns, percent: &[f64]) -> Option<Figure> {
     let chosen = chosen(plan, columns)?;
     let series = series(&chosen, |values| plot::against_percent(percent, values));
@@ -254,7 +268,7 @@ fn against_percent(plan: &Plan, columns: &Columns, percent: &[f64]) -> Option<Fi
         height_px: 212.0,
         ..LinePlot::default()
     };
-    let mut caption = plan.caption.to_owned();
+    let mut caption = caption(plan, &chosen);
     if plan.keys[0] == "offset"
         && let Some(half_width_m) = columns.half_width_m
     {
@@ -290,7 +304,7 @@ fn against_time(plan: &Plan, columns: &Columns) -> Option<Figure> {
     Some(time_figure(
         plan.title,
         plan.label,
-        plan.caption,
+        &caption(plan, &chosen),
         &chosen,
         columns,
     ))

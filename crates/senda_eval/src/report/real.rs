@@ -36,6 +36,8 @@ pub fn real_data_html(page: &Page, human: &Recording, driven: &Recording, frame_
     };
     let mut section = run::section_with(&shown, 0, page.frame_budget_bytes, columns);
     section.cards = cards(&summary, &agreed);
+    let has_speed = driven.steps.iter().any(|step| step.speed_mps.is_some());
+    section.set_figures(figures(&summary, &agreed, has_speed));
     section.groups.insert(
         0,
         Group {
@@ -46,6 +48,28 @@ pub fn real_data_html(page: &Page, human: &Recording, driven: &Recording, frame_
         },
     );
     render(page, vec![section], Vec::new())
+}
+
+/// All figures in words. Distance and what is made of it or of a speed are left out where nobody measured one, and what a pose would
+/// tell in any case.
+fn figures(summary: &Summary, agreed: &Agreement, has_speed: bool) -> Vec<(&'static str, String)> {
+    let recorded = format!(
+        "{} frames in {} s",
+        summary.frames,
+        text::fixed(summary.duration_s, 2)
+    );
+    let of_pose = ["laps", "departures, losses", "lane error", "heading error"];
+    let of_speed = ["distance", "steering change"];
+    let mut rows = vec![("recorded", recorded)];
+    rows.extend(
+        summary
+            .rows()
+            .into_iter()
+            .filter(|(label, _)| !of_pose.contains(label) && (has_speed || !of_speed.contains(label))),
+    );
+    rows.push(("losses", summary.lost.to_string()));
+    rows.extend(agreed.rows());
+    rows
 }
 
 /// What is known on frames that nobody drove on: time and agreement, but no distance or speed of the driver's.
@@ -76,14 +100,14 @@ fn cards(summary: &Summary, agreed: &Agreement) -> Vec<Card> {
         ),
         Card::new(
             "Difference, median",
-            angle(agreed.median_absolute_error),
-            format!("mean {}", angle(agreed.mean_absolute_error)),
+            angle(agreed.median_absolute_error_rad),
+            format!("mean {}", angle(agreed.mean_absolute_error_rad)),
             "Absolute difference of the steering angles",
             "",
         ),
         Card::new(
             "Always the median",
-            angle(agreed.constant_error),
+            angle(agreed.constant_error_rad),
             "mean difference: the figure to beat".into(),
             "How far a driver would be off that always steers like the human on the median frame",
             "",
@@ -164,7 +188,7 @@ fn found(agreed: &Agreement) -> Figure {
         svg: figure.svg(),
         caption: format!(
             "With 95 % intervals (neighbouring frames are alike, so the true intervals are wider). Sides are compared where the human steers by more than {}.",
-            text::angle(agreed.dead_band)
+            text::angle(agreed.dead_band_rad)
         ),
     }
 }

@@ -245,11 +245,29 @@ fn cards(summary: &Summary) -> Vec<Card> {
         |label, figure, detail, hint, tone| cards.push(Card::new(label, figure, detail, hint, tone));
     if let (true, Some(mean), Some(max)) = (follows_path, summary.lane_error_mean_m, summary.lane_error_max_m)
     {
+        let undriven = if summary.has_undriven_road() {
+            "; undriven road counts as outside"
+        } else {
+            ""
+        };
         card(
             "Lane error, mean",
             text::length(mean),
-            format!("max {}", text::length(max)),
+            format!("max {}{undriven}", text::length(max)),
             "Distance of the axle from the middle of the line or lane, averaged over the road (B7)",
+            "",
+        );
+    }
+    if let (true, Some(lane), Some(heading)) = (
+        follows_path && summary.has_undriven_road(),
+        summary.other_means.lane_error_as_defined_m,
+        summary.other_means.heading_error_as_defined_rad,
+    ) {
+        card(
+            "Lane error where it drove",
+            text::length(lane),
+            format!("heading error {}", text::angle(heading)),
+            "The mean over the frames alone: road that was not driven counts for nothing here",
             "",
         );
     }
@@ -326,7 +344,13 @@ fn cards(summary: &Summary) -> Vec<Card> {
             "Left the corridor",
             times(summary.departures),
             summary.first_departure_percent.map_or_else(
-                || "never outside".into(),
+                || {
+                    if summary.has_undriven_road() {
+                        "never as far as it drove".into()
+                    } else {
+                        "never outside".into()
+                    }
+                },
                 |p| format!("first at {} % of the lap", text::fixed(p, 0)),
             ),
             "Episodes outside the corridor",
@@ -379,6 +403,27 @@ fn times(count: u32) -> String {
     }
 }
 
+/// Title of the list of figures.
+const ALL_FIGURES: &str = "All figures";
+
+/// A figure a line.
+fn listed(figures: Vec<(&'static str, String)>) -> String {
+    let line = |(label, value): (&str, String)| format!("{label}: {value}");
+    figures.into_iter().map(line).collect::<Vec<_>>().join("\n")
+}
+
+impl RunSection {
+    /// Other figures in place of the summary's.
+    pub(super) fn set_figures(&mut self, figures: Vec<(&'static str, String)>) {
+        for (title, text, _) in &mut self.details {
+            if title == ALL_FIGURES {
+                *text = listed(figures);
+                return;
+            }
+        }
+    }
+}
+
 fn details(run: &ReportRun) -> Vec<(String, String, bool)> {
     let header = &run.recording.header;
     let mut details = Vec::new();
@@ -395,13 +440,7 @@ fn details(run: &ReportRun) -> Vec<(String, String, bool)> {
     if let Some(world) = &header.world {
         details.push(("World as it was driven (TOML)".into(), world.clone(), true));
     }
-    let figures: Vec<String> = run
-        .summary
-        .rows()
-        .into_iter()
-        .map(|(label, value)| format!("{label}: {value}"))
-        .collect();
-    details.push(("All figures".into(), figures.join("\n"), true));
+    details.push((ALL_FIGURES.into(), listed(run.summary.rows()), true));
     if !run.recording.warnings.is_empty() {
         details.push((
             format!("Warnings ({})", run.recording.warnings.len()),

@@ -235,6 +235,31 @@ fn every_plot_shows_something_and_has_a_name_of_its_own() {
     }
 }
 
+/// Cards told of 12 cm lane error and "never outside" where 5 % of the road had been driven, all of it in the middle.
+#[test]
+fn cards_of_an_unfinished_run_tell_the_undriven_road_apart() {
+    let (recording, world) = (recording(10, "x", true), world());
+    let card = |completed: bool| {
+        let summary = Summary {
+            completed,
+            ..summary(&recording, &world, "x")
+        };
+        html(&Page::default(), &[run(&recording, &summary, Some(&world))])
+    };
+    let words = [
+        "undriven road counts as outside",
+        "where it drove",
+        "never as far as it drove",
+    ];
+    for word in words {
+        assert!(card(false).contains(word), "{word}");
+    }
+    // The list of all figures has its own words.
+    for word in ["Lane error where it drove", "never as far as it drove"] {
+        assert!(!card(true).contains(word), "{word}");
+    }
+}
+
 #[test]
 fn nothing_is_loaded_from_anywhere() {
     let (recording, world) = (recording(5, "line", false), world());
@@ -512,6 +537,28 @@ fn the_time_of_each_frame_is_shown_on_foreign_data_too() {
     assert!(timed.contains("Time spent") && timed.contains("4.2 ms"));
     let untimed = page(&[]);
     assert!(!untimed.contains("Time spent") && !untimed.contains("Time a frame"));
+}
+
+/// Frames that nobody drove on told of a distance, a speed and a true place.
+#[test]
+fn foreign_data_tell_no_figures_that_nobody_measured() {
+    let mut recording = recording(20, "lane", false);
+    for step in &mut recording.steps {
+        step.truth = None;
+    }
+    let page = |recording: &Recording| real_data_html(&Page::default(), recording, recording, &[]);
+    let told = page(&recording);
+    for word in ["on average", "steering change:", "truly", "no true pose"] {
+        assert!(!told.contains(word), "{word}");
+    }
+    assert!(told.contains("Distance d") && told.contains("recorded: 20 frames in 1.90 s"));
+    for step in &mut recording.steps {
+        step.speed_mps = Some(0.5);
+    }
+    assert!(
+        page(&recording).contains("in 1.90 s, 50.0 cm/s on average"),
+        "measured"
+    );
 }
 
 #[test]
