@@ -89,6 +89,45 @@ fn values_out_of_range_are_told_their_range() {
             "a near limit above 0 and below the far one",
         ),
         (
+            &["calibrate", "placement", "--height", "-1"],
+            "--height -1: expected metres above 0",
+        ),
+        (&["calibrate", "placement", "--height", "nan"], "--height NaN"),
+        (
+            &["calibrate", "placement", "--view-deg", "0"],
+            "--view-deg 0: expected",
+        ),
+        (
+            &["calibrate", "placement", "--view-deg", "200"],
+            "expected degrees above 0 and below 180",
+        ),
+        (
+            &[
+                "calibrate",
+                "view-angle",
+                "--page-px",
+                "400",
+                "--image-px",
+                "320",
+                "--distance",
+                "0.5",
+            ],
+            "a page not larger than the picture",
+        ),
+        (
+            &["drive", "--driver", "lane", "--option", "road.kept=-1"],
+            "option `road.kept`: expected a number from 0 to",
+        ),
+        (
+            &["drive", "--driver", "lane", "--option", "road.least_part=7"],
+            "option `road.least_part`: expected a number from 0 to 2",
+        ),
+        (&["sweep", "--seeds", "0"], "`seeds` is 0, but must be at least 1"),
+        (
+            &["sweep", "--spread-offset", "-1"],
+            "`start_spread.offset_m` is -1, but must be 0 to",
+        ),
+        (
             &["calibrate", "camera", "--out", text(&out)],
             "with --simulate the simulated camera takes it",
         ),
