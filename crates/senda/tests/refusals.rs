@@ -120,6 +120,23 @@ fn made_up_and_drawn_worlds_say_what_they_are() {
     let radius_m = made["tightest_radius_m"].as_f64().unwrap();
     assert!((0.29..1.0).contains(&radius_m), "{radius_m}");
     assert_eq!(checked[0]["tightest_radius_m"], radius_m);
+    // A name stands for one world: this one is 14 mm longer than its family's longest, and has always been.
+    let track = json(
+        &[
+            &random[..],
+            &[
+                text(&at("t.toml")),
+                "--family",
+                "random-track",
+                "--seed",
+                "19",
+                "--json",
+            ],
+        ]
+        .concat(),
+    );
+    let named = json(&["world", "check", "random-track:19", "--json"]);
+    assert_eq!(track["length_m"], named[0]["length_m"]);
     let coarse = std::fs::read_to_string(at("w.toml")).unwrap();
     std::fs::write(at("w.toml"), format!("texel_m = 0.05\n{coarse}")).unwrap();
     senda(&["world", "draw", text(&at("w.toml")), "--out", text(&at("w.png"))])

@@ -234,9 +234,10 @@ mod tests {
         std::fs::write(&empty, b"").unwrap();
         let error = recordings_in(top.path()).unwrap_err().to_string();
         assert!(error.contains("none among the 1 of that name"), "{error}");
-        assert_eq!(recordings_among(&[empty.clone()]), (vec![empty.clone()], vec![]));
+        let alone = recordings_among(std::slice::from_ref(&empty));
+        assert_eq!(alone, (vec![empty.clone()], vec![]));
         std::fs::write(&good, MAGIC).unwrap();
-        assert_eq!(recordings_in(top.path()).unwrap(), [good.clone()]);
+        assert_eq!(recordings_in(top.path()).unwrap(), std::slice::from_ref(&good));
         let [words] = &left_out(top.path()).unwrap()[..] else {
             panic!("one file is left out")
         };

@@ -1,7 +1,7 @@
 //! What to run: one TOML file or the flags of the command line, resolved to plain data.
 
 pub use crate::start::StartOffset;
-use crate::{RunError, pilot, random, start::is_zero};
+use crate::{RunError, random, start::is_zero};
 use senda_toml::nearest_names;
 use senda_world::{VehicleSpec, World, WorldError};
 use serde::{Deserialize, Serialize};

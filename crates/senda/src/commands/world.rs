@@ -201,6 +201,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
                 }
                 return write_world(&world, &out, json);
             };
+            if min_radius.is_none() && length.is_none() {
+                // The same world as by its name.
+                return write_world(&World::random(seed, &difficulty), &out, json);
+            }
             difficulty.min_radius_m = min_radius.unwrap_or(difficulty.min_radius_m);
             if let Some(length) = length {
                 let [least, most] = length.as_slice() else {
