@@ -3,7 +3,6 @@
 use super::noise::{Lattice, fold, hash, smooth, unit};
 use crate::colour::Colour;
 use crate::floor::{Floor, FloorKind};
-use senda_core::threads::both;
 
 /// A texel of the painting: red, green, blue, gloss.
 type Texel = [u8; 4];
@@ -83,16 +82,8 @@ impl Material {
                 let [r, g, b] = floor.colour.rgb;
                 let mut picture = vec![[r, g, b, gloss]; PICTURE * PICTURE];
                 let size = floor.scale_m / metres_per_texel;
-                let (upper, lower) = picture.split_at_mut(PICTURE * PICTURE / 2);
-                let scatter = |half: &mut [Texel], first: i32| {
-                    scatter(half, first, size * 0.5, 0.34, floor, seed);
-                    scatter(half, first, size, 0.20, floor, seed ^ 0x77);
-                };
-                both(
-                    upper.len() + lower.len(),
-                    || scatter(upper, 0),
-                    || scatter(lower, PICTURE as i32 / 2),
-                );
+                scatter(&mut picture, size * 0.5, 0.34, floor, seed);
+                scatter(&mut picture, size, 0.20, floor, seed ^ 0x77);
                 Pattern::Picture(picture)
             }
             FloorKind::Wood => Pattern::Pieces(wood_tile(floor.scale_m / metres_per_texel, seed)),
@@ -438,9 +429,9 @@ fn carpet_tile(loop_texels: f64, seed: u32) -> Vec<u8> {
     tile
 }
 
-/// Scatters chips of several colours and sizes over rows of a picture that wraps around, from row `first` on. `size` is their
-/// typical diameter (texels), `share` the part of the floor that they cover at contrast 1.
-fn scatter(rows: &mut [Texel], first: i32, size: f64, share: f64, floor: &Floor, seed: u32) {
+/// Scatters chips of several colours and sizes over a picture that wraps around. `size` is their typical diameter
+/// (texels), `share` the part of the floor that they cover at contrast 1.
+fn scatter(picture: &mut [Texel], size: f64, share: f64, floor: &Floor, seed: u32) {
     let colours = chip_colours(floor);
     let side = PICTURE as f32;
     // Chips much smaller than a texel would be too many to place and average out: larger, paler ones stand for them.
@@ -450,49 +441,30 @@ fn scatter(rows: &mut [Texel], first: i32, size: f64, share: f64, floor: &Floor,
     let count =
         (f64::from(side * side) * share * (0.35 + 0.65 * floor.contrast) / (area * f64::from(pale))) as i32;
     let strength = (0.35 + 0.65 * floor.contrast as f32) * pale;
-    // The row of this part that a row of the endless picture is.
-    let height = rows.len() / PICTURE;
-    let mine = |y: i32| {
-        let row = usize::try_from(y.rem_euclid(PICTURE as i32) - first);
-        row.ok().filter(|row| *row < height)
-    };
     for number in 0..count {
         let random = |use_number: i32| unit(hash(number, use_number, seed));
         let (cx, cy) = (random(0) * side, random(1) * side);
+        let shade = colours[(random(2) * colours.len() as f32) as usize];
+        let cover = strength * (0.55 + 0.45 * random(3));
         // Many small chips, few large ones; longish and turned.
         let draw = random(4);
         let radius = 0.5 * drawn as f32 * (0.55 + 0.9 * draw * draw);
-        let (low_x, high_x) = ((cx - radius - 0.5).floor() as i32, (cx + radius + 0.5) as i32);
-        let (low_y, high_y) = ((cy - radius - 0.5).floor() as i32, (cy + radius + 0.5) as i32);
-        if (low_y..=high_y).all(|y| mine(y).is_none()) {
-            continue;
-        }
-        let shade = colours[(random(2) * colours.len() as f32) as usize];
-        let cover = strength * (0.55 + 0.45 * random(3));
         let stretch = 0.6 + 0.4 * random(5);
         let (ax, ay) = axis(random(6));
-        // Whoever is this far along either side is outside: a distance is at least 1.06 times the longer of them.
-        let limit = (radius + 0.5) / 1.06;
+        let (low_x, high_x) = ((cx - radius - 0.5).floor() as i32, (cx + radius + 0.5) as i32);
+        let (low_y, high_y) = ((cy - radius - 0.5).floor() as i32, (cy + radius + 0.5) as i32);
         for y in low_y..=high_y {
-            let Some(row) = mine(y) else { continue };
-            let row = &mut rows[row * PICTURE..(row + 1) * PICTURE];
+            let row = y.rem_euclid(PICTURE as i32) as usize * PICTURE;
             for x in low_x..=high_x {
                 let (px, py) = (x as f32 + 0.5 - cx, y as f32 + 0.5 - cy);
-                let along = px * ax + py * ay;
-                if along.abs() > limit {
-                    continue;
-                }
-                let across = (py * ax - px * ay) / stretch;
-                if across.abs() > limit {
-                    continue;
-                }
+                let (along, across) = (px * ax + py * ay, (py * ax - px * ay) / stretch);
                 // Between round and square, as broken stone is.
                 let round = (along * along + across * across).sqrt();
                 let square = along.abs().max(across.abs());
                 let distance = 0.5 * round + 0.5 * square * 1.12;
                 let inside = (radius - distance + 0.5).clamp(0.0, 1.0) * cover;
                 if inside > 0.004 {
-                    let texel = &mut row[x.rem_euclid(PICTURE as i32) as usize];
+                    let texel = &mut picture[row + x.rem_euclid(PICTURE as i32) as usize];
                     *texel = blend(*texel, [shade[0], shade[1], shade[2], texel[3]], inside);
                 }
             }
