@@ -48,7 +48,7 @@ def main():
                 best = min(best, time.perf_counter() - begin)
             total += best
             codes += len(sides)
-            near += sum(side >= LEAST_PART * frame.shape[1] for side in sides)
+            near += sum(bool(side >= LEAST_PART * frame.shape[1]) for side in sides)
         report[name] = {"ms": round(1e3 * total / len(frames), 3), "codes": codes, "near_codes": near}
     print(json.dumps(report))
 
