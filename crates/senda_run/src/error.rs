@@ -91,3 +91,16 @@ fn did_you_mean(nearest: &Option<String>) -> String {
         None => String::new(),
     }
 }
+
+/// Refuses a value of a scenario or a sweep.
+pub(crate) fn wrong<T>(
+    key: &'static str,
+    found: impl ToString,
+    expected: impl Into<String>,
+) -> Result<T, RunError> {
+    Err(RunError::Scenario {
+        key,
+        found: found.to_string(),
+        expected: expected.into(),
+    })
+}

@@ -18,10 +18,13 @@ use std::path::Path;
 pub const MANUAL: &str = "manual";
 
 /// The network driver's option that names a second network, for the pedals.
-pub(crate) const THROTTLE_MODEL: &str = "throttle_model";
+const THROTTLE_MODEL: &str = "throttle_model";
 
 /// The mission's option that names what finds signs and lights: [`CLASSICAL`], or the file of a trained network.
-pub(crate) const DETECTOR: &str = "detector";
+const DETECTOR: &str = "detector";
+
+/// Drivers' options that name a file.
+pub(crate) const FILE_OPTIONS: [&str; 3] = ["model", THROTTLE_MODEL, DETECTOR];
 /// Signs and lights by colours and shapes.
 const CLASSICAL: &str = "classical";
 

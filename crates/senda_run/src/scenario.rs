@@ -1,7 +1,7 @@
 //! What to run: one TOML file or the flags of the command line, resolved to plain data.
 
 pub use crate::start::StartOffset;
-use crate::{RunError, random, start::is_zero};
+use crate::{RunError, error::wrong, random, start::is_zero};
 use senda_toml::nearest_names;
 use senda_world::{VehicleSpec, World, WorldError};
 use serde::{Deserialize, Serialize};
@@ -113,24 +113,17 @@ impl Scenario {
 
     /// Checks ranges that need no other file.
     pub fn check(&self) -> Result<(), RunError> {
-        let wrong = |key, found: String, expected: &str| {
-            Err(RunError::Scenario {
-                key,
-                found,
-                expected: expected.to_owned(),
-            })
-        };
         if self.laps == 0 {
-            return wrong("laps", "0".into(), "at least 1");
+            return wrong("laps", "0", "at least 1");
         }
         if let Some(speed) = self.speed_mps.filter(|speed| !(*speed > 0.0 && *speed <= 60.0)) {
-            return wrong("speed_mps", speed.to_string(), "above 0 and at most 60");
+            return wrong("speed_mps", speed, "above 0 and at most 60");
         }
         if let Some(limit) = self
             .time_limit_s
             .filter(|limit| !(*limit > 0.0 && limit.is_finite()))
         {
-            return wrong("time_limit_s", limit.to_string(), "above 0");
+            return wrong("time_limit_s", limit, "above 0");
         }
         if let Some([width, height]) = self
             .image_px
@@ -143,10 +136,10 @@ impl Scenario {
             );
         }
         if !(0.0..=5.0).contains(&self.latency_s) {
-            return wrong("latency_s", self.latency_s.to_string(), "0 to 5");
+            return wrong("latency_s", self.latency_s, "0 to 5");
         }
         if !(0.0..=1.0).contains(&self.lost_frames) {
-            return wrong("lost_frames", self.lost_frames.to_string(), "0 to 1");
+            return wrong("lost_frames", self.lost_frames, "0 to 1");
         }
         self.start.check()
     }

@@ -75,7 +75,7 @@ impl Scenario {
         for name in worlds.chain(&mut self.calibration) {
             seek_beside(file, name);
         }
-        for option in ["model", pilot::THROTTLE_MODEL, pilot::DETECTOR] {
+        for option in pilot::FILE_OPTIONS {
             if let Some(toml::Value::String(name)) = self.driver_options.get_mut(option) {
                 seek_beside(file, name);
             }

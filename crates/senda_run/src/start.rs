@@ -1,6 +1,6 @@
 //! Where a run starts, and whether the world and the vehicle have such a start.
 
-use crate::{RunError, referee::OPEN_END_M};
+use crate::{RunError, error::wrong, referee::OPEN_END_M};
 use senda_world::{VehicleSpec, World};
 use serde::{Deserialize, Serialize};
 
@@ -29,14 +29,6 @@ const FAR: f64 = 1e6;
 
 pub(crate) fn is_zero(number: &f64) -> bool {
     *number == 0.0
-}
-
-fn wrong<T>(key: &'static str, found: f64, expected: impl Into<String>) -> Result<T, RunError> {
-    Err(RunError::Scenario {
-        key,
-        found: found.to_string(),
-        expected: expected.into(),
-    })
 }
 
 impl StartOffset {

@@ -60,7 +60,7 @@ fn keys(runs: &[Scenario]) -> Vec<String> {
 /// The files that a scenario names.
 fn files_of(scenario: &Scenario) -> impl Iterator<Item = &str> {
     let named = [&scenario.world, &scenario.vehicle].map(String::as_str);
-    let models = ["model", pilot::THROTTLE_MODEL, pilot::DETECTOR]
+    let models = pilot::FILE_OPTIONS
         .into_iter()
         .filter_map(|option| scenario.driver_options.get(option)?.as_str());
     let files = named.into_iter().filter(|name| scenario::looks_like_file(name));

@@ -365,17 +365,16 @@ impl LateFile {
     }
 
     fn file(&mut self) -> io::Result<&mut BufWriter<File>> {
-        if self.file.is_none() {
-            self.file = Some(BufWriter::new(self.create().map_err(|error| {
+        let file = match self.file.take() {
+            Some(file) => file,
+            None => BufWriter::new(self.create().map_err(|error| {
                 io::Error::new(
                     error.kind(),
                     format!("cannot write {}: {error}", self.path.display()),
                 )
-            })?));
-        }
-        self.file
-            .as_mut()
-            .ok_or_else(|| io::Error::other("the file was made and is gone"))
+            })?),
+        };
+        Ok(self.file.insert(file))
     }
 
     fn create(&self) -> io::Result<File> {

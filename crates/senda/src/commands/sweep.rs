@@ -289,7 +289,7 @@ fn driven_alike(lines: &[Line]) -> Option<String> {
     let alike = driven.count() - different.len();
     (alike > 0).then(|| {
         format!(
-            "{alike} of {} runs were driven exactly as another one (equal digests): they count as runs of their own, so the intervals              are narrower than what is known",
+            "{alike} of {} runs were driven exactly as another one (equal digests): they count as runs of their own, so the intervals are narrower than what is known",
             lines.len()
         )
     })

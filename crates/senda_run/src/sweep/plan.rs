@@ -1,7 +1,7 @@
 //! What a sweep varies, and the runs that come of it.
 
 use crate::own_file::{self, Kind};
-use crate::{RunError, Scenario, random, scenario::StartOffset, scenario_file::seek_beside};
+use crate::{RunError, Scenario, error::wrong, random, scenario::StartOffset, scenario_file::seek_beside};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -103,22 +103,11 @@ impl Plan {
 
     /// Checks ranges that no single run shows.
     pub fn check(&self) -> Result<(), RunError> {
-        let wrong = |key, found: String, expected: &str| {
-            Err(RunError::Scenario {
-                key,
-                found,
-                expected: expected.to_owned(),
-            })
-        };
         if self.seeds == 0 {
-            return wrong("seeds", "0".to_owned(), "at least 1");
+            return wrong("seeds", "0", "at least 1");
         }
         if self.sample == Some(0) {
-            return wrong(
-                "sample",
-                "0".to_owned(),
-                "at least 1; left out, every combination is run",
-            );
+            return wrong("sample", "0", "at least 1; left out, every combination is run");
         }
         let spread = &self.start_spread;
         for (key, half, most, words) in [
@@ -132,7 +121,7 @@ impl Plan {
             ("start_spread.station_m", spread.station_m, 1e6, "0 to 1000000"),
         ] {
             if !(0.0..=most).contains(&half) {
-                return wrong(key, half.to_string(), words);
+                return wrong(key, half, words);
             }
         }
         Ok(())
@@ -140,15 +129,22 @@ impl Plan {
 
     /// Every run of the plan once, in a fixed order.
     pub fn runs(&self) -> Result<Vec<Scenario>, RunError> {
-        let mut seen = BTreeSet::new();
-        let mut runs = self.combinations()?;
-        runs.retain(|run| seen.insert(run.to_toml()));
-        Ok(runs)
+        Ok(self.distinct()?.0)
     }
 
     /// How many of the plan's runs are left out because they equal an earlier one in everything: nothing is learned from them.
     pub fn repeated(&self) -> Result<usize, RunError> {
-        Ok(self.combinations()?.len() - self.runs()?.len())
+        Ok(self.distinct()?.1)
+    }
+
+    /// The runs, and how many equal ones there were besides.
+    fn distinct(&self) -> Result<(Vec<Scenario>, usize), RunError> {
+        let mut seen = BTreeSet::new();
+        let mut runs = self.combinations()?;
+        let all = runs.len();
+        runs.retain(|run| seen.insert(run.to_toml()));
+        let repeated = all - runs.len();
+        Ok((runs, repeated))
     }
 
     /// Every combination, in a fixed order, repeated ones too. Run number i depends on the plan and i alone.
