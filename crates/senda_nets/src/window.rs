@@ -153,9 +153,17 @@ impl Window {
         let (pitch, phase, stride) = (self.row_pitch(), self.phase_width(), self.stride[1]);
         for (y, row) in plane.chunks_exact(self.input.width).enumerate() {
             let to = &mut source[(y + self.padding[0]) * pitch..][..pitch];
-            for (x, value) in row.iter().enumerate() {
-                let x = x + self.padding[1];
-                to[(x % stride) * phase + x / stride] = *value;
+            if stride == 1 {
+                to[self.padding[1]..][..row.len()].copy_from_slice(row);
+                continue;
+            }
+            // Columns of one phase are `stride` apart in the image.
+            for first in 0..stride.min(row.len()) {
+                let x = first + self.padding[1];
+                let to = &mut to[(x % stride) * phase + x / stride..];
+                for (to, value) in to.iter_mut().zip(row[first..].iter().step_by(stride)) {
+                    *to = *value;
+                }
             }
         }
     }
@@ -168,29 +176,63 @@ impl Window {
             + tap_x / self.stride[1]
     }
 
-    /// Depthwise convolution.
+    /// Values of scratch of a depthwise convolution: one padded channel, and its result when that is computed in one run.
+    pub(crate) fn scratch_len(&self) -> usize {
+        self.source_len() + self.run_len()
+    }
+
+    /// With a stride of one all rows are one run, with values between them that nobody wants: narrow rows would leave most of a
+    /// register empty. Zero otherwise.
+    fn run_len(&self) -> usize {
+        if self.stride == [1, 1] {
+            (self.output.height - 1) * self.row_pitch() + self.output.width
+        } else {
+            0
+        }
+    }
+
+    /// Depthwise convolution; `scratch` has [`Window::scratch_len`] values.
     pub(crate) fn depthwise(
         &self,
         weights: &[f32],
         bias: &[f32],
         image: &[f32],
-        source: &mut [f32],
+        scratch: &mut [f32],
         result: &mut [f32],
     ) {
         let taps = self.size[0] * self.size[1];
-        let width = self.output.width;
+        let (width, pitch) = (self.output.width, self.row_pitch());
+        let (source, run) = scratch.split_at_mut(self.source_len());
+        let run = &mut run[..self.run_len()];
         for c in 0..self.input.channels {
+            let weights = &weights[c * taps..][..taps];
+            let bias = bias.get(c).copied().unwrap_or(0.0);
+            let to = &mut result[c * self.output.plane()..][..self.output.plane()];
             self.split(&image[c * self.input.plane()..][..self.input.plane()], source);
-            for y in 0..self.output.height {
-                let to = &mut result[c * self.output.plane() + y * width..][..width];
-                to.fill(bias.get(c).copied().unwrap_or(0.0));
-                for tap_y in 0..self.size[0] {
-                    for tap_x in 0..self.size[1] {
-                        let weight = weights[c * taps + tap_y * self.size[1] + tap_x];
-                        add_scaled(weight, &source[self.tap(y, tap_y, tap_x)..][..width], to);
-                    }
+            if run.is_empty() {
+                for (y, row) in to.chunks_exact_mut(width).enumerate() {
+                    self.row(weights, bias, source, y, row);
+                }
+            } else {
+                self.row(weights, bias, source, 0, run);
+                for (row, from) in to.chunks_exact_mut(width).zip(run.chunks(pitch)) {
+                    row.copy_from_slice(&from[..width]);
                 }
             }
+        }
+    }
+
+    /// Neighbouring outputs from row `y` on: each begins with the bias, then its taps are added in their order.
+    fn row(&self, weights: &[f32], bias: f32, source: &[f32], y: usize, to: &mut [f32]) {
+        if let (Ok(weights), [3, 3]) = (weights.try_into(), self.size) {
+            let sources = std::array::from_fn(|tap| &source[self.tap(y, tap / 3, tap % 3)..][..to.len()]);
+            return nine_taps(weights, bias, &sources, to);
+        }
+        to.fill(bias);
+        for (tap, weight) in weights.iter().enumerate() {
+            let (tap_y, tap_x) = (tap / self.size[1], tap % self.size[1]);
+            let from = &source[self.tap(y, tap_y, tap_x)..][..to.len()];
+            add_scaled(*weight, from, to);
         }
     }
 
@@ -239,6 +281,19 @@ impl Window {
 }
 
 math::vectorised! {
+    fn nine_taps(weights: &[f32; 9], bias: f32, sources: &[&[f32]; 9], to: &mut [f32]) {
+        let sources = sources.map(|source| &source[..to.len()]);
+        for (x, to) in to.iter_mut().enumerate() {
+            let mut sum = bias;
+            for tap in 0..9 {
+                sum += weights[tap] * sources[tap][x];
+            }
+            *to = sum;
+        }
+    }
+}
+
+math::vectorised! {
     fn add_scaled(factor: f32, from: &[f32], to: &mut [f32]) {
         for (to, from) in to.iter_mut().zip(from) {
             *to += factor * *from;
@@ -281,6 +336,74 @@ pub(crate) fn upsample_gradient(input: Shape, factor: usize, gradient: &[f32], r
         for from in from.chunks_exact(width) {
             for (x, value) in from.iter().enumerate() {
                 row[x / factor] += *value;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The definition, tap after tap.
+    fn plain(window: &Window, weights: &[f32], bias: &[f32], image: &[f32]) -> Vec<f32> {
+        let mut result = Vec::new();
+        window.each(|plane, _, y, x| {
+            let c = plane / window.input.plane();
+            let mut sum = bias[c];
+            for tap_y in 0..window.size[0] {
+                for tap_x in 0..window.size[1] {
+                    let row = (y * window.stride[0] + tap_y).wrapping_sub(window.padding[0]);
+                    let column = (x * window.stride[1] + tap_x).wrapping_sub(window.padding[1]);
+                    let is_inside = row < window.input.height && column < window.input.width;
+                    let value = if is_inside {
+                        image[plane + row * window.input.width + column]
+                    } else {
+                        0.0
+                    };
+                    sum += weights[(c * window.size[0] + tap_y) * window.size[1] + tap_x] * value;
+                }
+            }
+            result.push(sum);
+        });
+        result
+    }
+
+    #[test]
+    fn depthwise_gives_the_bits_of_its_definition() {
+        let value = |i: usize| ((i * 7919 + 13) % 1009) as f32 / 504.5 - 1.0;
+        for (size, stride) in [(3, 1), (3, 2), (3, 3), (5, 1), (1, 1), (2, 2)] {
+            for (height, width) in [(5, 7), (14, 14), (9, 33)] {
+                for margin in 0..=size / 2 {
+                    let shape = |height, width| Shape {
+                        channels: 3,
+                        height,
+                        width,
+                    };
+                    let out = |len: usize| (len + 2 * margin - size) / stride + 1;
+                    let (input, output) = (shape(height, width), shape(out(height), out(width)));
+                    let window = Window::new(
+                        input,
+                        output,
+                        [size; 2],
+                        [stride; 2],
+                        Padding::Explicit([margin; 4]),
+                    );
+                    let image: Vec<f32> = (0..input.len()).map(value).collect();
+                    let weights: Vec<f32> = (0..3 * size * size).map(|i| value(i + 5)).collect();
+                    let bias = [0.5, -0.25, 0.125];
+                    let mut scratch = vec![0.0; window.scratch_len()];
+                    let mut result = vec![f32::NAN; output.len()];
+                    window.depthwise(&weights, &bias, &image, &mut scratch, &mut result);
+                    let expected = plain(&window, &weights, &bias, &image);
+                    let bits =
+                        |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+                    assert_eq!(
+                        bits(&result),
+                        bits(&expected),
+                        "{size} by {stride}, {height}x{width}, margin {margin}"
+                    );
+                }
             }
         }
     }

@@ -80,7 +80,7 @@ impl Engine {
         Scratch {
             sources: per_layer(&|planned| match &planned.operation {
                 Operation::Convolution(plan) => plan.source_len(),
-                Operation::Depthwise(window) => window.source_len(),
+                Operation::Depthwise(window) => window.scratch_len(),
                 Operation::Lstm(plan) => plan.input.source_len(),
                 _ => 0,
             }),
