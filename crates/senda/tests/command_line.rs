@@ -413,6 +413,15 @@ fn what_is_interrupted_says_so_and_keeps_what_it_has() {
             .contains("interrupted after")
     );
 
+    let learn = ["learn", "--json", "--folder", text(folder.path())];
+    let experiment = folder.path().join("experiment.toml");
+    let told = interrupted(&learn, &|| experiment.exists());
+    let told: serde_json::Value = serde_json::from_str(&told).unwrap();
+    assert_eq!(
+        (&told["interrupted"], &told["rounds"]),
+        (&true.into(), &serde_json::json!([]))
+    );
+
     let told = interrupted(&["drive", "--laps", "1000"], &|| true);
     assert!(told.contains("interrupted after 0 %"), "{told}");
 

@@ -229,6 +229,20 @@ fn models_go_out_come_back_and_shrink_to_8_bits() {
         "--json",
     ];
     assert!(json(&known)["warnings"].to_string().contains("1 of the 1 worlds"));
+    // Two followers, one document.
+    let both = json(&[&known[..], &["--beside-lane"]].concat());
+    assert_eq!(both["runs"], both["beside"]["runs"]);
+    assert_eq!(both["beside"]["rows"][0]["completed"]["count"], 1, "{both}");
+    senda(&[
+        "evaluate",
+        text(&model),
+        "--against",
+        "runs",
+        "--report",
+        "page.html",
+    ])
+    .failure()
+    .stderr(contains("cannot be used with"));
 
     // Others must be told.
     let mut bytes = std::fs::read(&onnx).unwrap();

@@ -4,11 +4,11 @@ use crate::augment::Answers;
 use crate::beginning::begin;
 use crate::correct::{self, Brief, Gathered, Gathering};
 use crate::train::{Epoch, Lesson, News, Training, train};
+use crate::trial::{Trial, drive_trial};
 use crate::{LearnError, Samples, store};
 use senda_drivers::Answer;
 use senda_nets::{Colour, Crop, Edges, InputSpec, Model, Network, Provenance, View};
-use senda_run::sweep::{self, Plan};
-use senda_run::{Ears, Scenario};
+use senda_run::Ears;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -46,28 +46,6 @@ pub struct Learning {
     pub training: Training,
     /// Drives that judge each round: worlds that are not learned from.
     pub trial: Trial,
-}
-
-/// How each round is judged.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Trial {
-    /// Worlds, driven both ways; `random-circuit:5000..5040` stands for forty.
-    pub worlds: Vec<String>,
-    /// How many runs are drawn from them; 0: no trial.
-    pub runs: usize,
-    /// Speed (m/s).
-    pub speed_mps: f64,
-}
-
-impl Default for Trial {
-    fn default() -> Self {
-        Self {
-            worlds: vec!["random-circuit:5000..5200".into()],
-            runs: 24,
-            speed_mps: 0.16,
-        }
-    }
 }
 
 impl Default for Learning {
@@ -170,7 +148,7 @@ impl Learning {
                 found,
             });
         }
-        Ok(())
+        self.trial.check(&self.gathering)
     }
 }
 
@@ -451,6 +429,12 @@ fn provenance(learning: &Learning, rounds: &[Round]) -> Provenance {
     let mut metrics = serde_json::Map::new();
     if !rounds.is_empty() {
         metrics.insert("rounds".to_owned(), serde_json::json!(rounds));
+        if learning.trial.runs > 0 {
+            metrics.insert(
+                "trial_worlds".to_owned(),
+                serde_json::json!(learning.trial.worlds),
+            );
+        }
     }
     Provenance {
         senda: env!("CARGO_PKG_VERSION").to_owned(),
@@ -474,53 +458,5 @@ fn provenance(learning: &Learning, rounds: &[Round]) -> Provenance {
         seed: learning.seed,
         metrics,
         ..Provenance::default()
-    }
-}
-
-/// Drives the trial; `None`: interrupted.
-type TrialResult = Option<([usize; 2], Option<f64>)>;
-
-fn drive_trial(
-    learning: &Learning,
-    model: &Path,
-    interrupted: &(dyn Fn() -> bool + Sync),
-    progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<TrialResult, LearnError> {
-    let plan = trial_plan(
-        &learning.trial,
-        &learning.gathering.vehicle,
-        learning.gathering.image_px,
-        model,
-    );
-    let lines = sweep::run(&plan, None, progress, interrupted, &|| 0)?;
-    if lines.len() < learning.trial.runs {
-        return Ok(None);
-    }
-    let summaries: Vec<_> = lines.iter().filter_map(|line| line.summary.as_ref()).collect();
-    let completed = summaries.iter().filter(|summary| summary.completed).count();
-    let errors: Vec<f64> = summaries
-        .iter()
-        .filter_map(|summary| summary.lane_error_mean_m)
-        .collect();
-    let mean = (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64);
-    Ok(Some(([completed, lines.len()], mean)))
-}
-
-/// The runs of a trial.
-pub fn trial_plan(trial: &Trial, vehicle: &str, image_px: Option<[u32; 2]>, model: &Path) -> Plan {
-    let mut base = Scenario::new(
-        trial.worlds.first().map_or("oval-lane", String::as_str),
-        vehicle,
-        "neural",
-    );
-    base.speed_mps = Some(trial.speed_mps);
-    base.image_px = image_px;
-    base.driver_options
-        .insert("model".into(), toml::Value::String(model.display().to_string()));
-    Plan {
-        worlds: trial.worlds.clone(),
-        both_directions: true,
-        sample: Some(trial.runs),
-        ..Plan::once(base)
     }
 }

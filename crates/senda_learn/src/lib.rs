@@ -38,6 +38,7 @@ pub mod split;
 mod store;
 pub mod train;
 mod treatments;
+pub mod trial;
 
 pub use augment::{Answers, Augmentation};
 pub use error::LearnError;

@@ -5,8 +5,11 @@ mod support;
 
 use senda_drivers::Answer;
 use senda_learn::correct::{Brief, Gathered, gather};
-use senda_learn::learn::{Learned, Learning, Trial, learn};
 use senda_learn::{LearnError, Samples};
+use senda_learn::{
+    learn::{Learned, Learning, learn},
+    trial::Trial,
+};
 use senda_nets::{Model, OutputSpec, Provenance, Weights};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -181,4 +184,19 @@ fn impossible_experiments_are_refused_by_key() {
     check(&|l| l.gathering.start_offset = f64::INFINITY, "start_offset");
     check(&|l| l.gathering.families = vec!["randomm".into()], "randomm");
     check(&|l| l.gathering.image_px = Some([0, 0]), "image_px");
+    // Trials that could not be driven counted as driven badly.
+    let trial = |change: &dyn Fn(&mut Trial), key: &str| {
+        let change = |l: &mut Learning| {
+            l.trial.runs = 2;
+            change(&mut l.trial);
+        };
+        check(&change, key);
+    };
+    trial(&|t| t.worlds.clear(), "trial.worlds");
+    trial(&|t| t.worlds = vec!["nowhere".into()], "nowhere");
+    trial(
+        &|t| t.worlds = vec!["random-circuit:1000000..1000100".into()],
+        "trial.worlds",
+    );
+    trial(&|t| t.speed_mps = f64::NAN, "trial.speed_mps");
 }

@@ -252,6 +252,17 @@ pub fn usual_vehicle(world: &str) -> &'static str {
     }
 }
 
+/// The driver for a world, where none is named: the follower of the line or of the lane that it has, in warehouses the mission; on
+/// roads, whose lanes no hand-coded follower keeps, the expert. Of a world that cannot be read nothing is known: `line`.
+pub fn usual_driver(name: &str) -> &'static str {
+    match find_world(name) {
+        Ok(world) if world.warehouse.is_some() => "mission",
+        Ok(world) if world.lane_width_m.is_some() && usual_vehicle(name) == "sedan" => "expert",
+        Ok(world) if world.lane_width_m.is_some() => "lane",
+        _ => "line",
+    }
+}
+
 /// The library knows its own names only; here random families and files are possible too.
 fn unknown_world(name: &str) -> WorldError {
     let families = random::FAMILIES.map(|(family, _)| family);
@@ -316,6 +327,18 @@ mod tests {
         assert_eq!(usual_vehicle("random-road:17"), "sedan");
         assert_eq!(usual_vehicle("oval-lane"), "gopigo");
         assert_eq!(usual_vehicle("lake.toml"), "gopigo");
+        for (world, driver) in [
+            ("oval", "line"),
+            ("random-line:3", "line"),
+            ("s-curves-lane", "lane"),
+            ("circuit-2", "lane"),
+            ("random-race:3", "lane"),
+            ("warehouse", "mission"),
+            ("lake", "expert"),
+            ("nowhere", "line"),
+        ] {
+            assert_eq!(usual_driver(world), driver, "{world}");
+        }
         for (beginning, vehicle) in MADE_FOR {
             let known = World::names().chain(random::FAMILIES.map(|(name, _)| name));
             assert!(

@@ -12,7 +12,7 @@ use senda_eval::Summary;
 use senda_run::{
     Scenario,
     drive::{self, Ending},
-    scenario::usual_vehicle,
+    scenario::{usual_driver, usual_vehicle},
 };
 use std::{
     fs::File,
@@ -32,7 +32,7 @@ pub(crate) struct ScenarioFlags {
     /// Ready vehicle or vehicle file [usual: the one that `senda world list` names for --world]
     #[arg(long, value_name = "VEHICLE")]
     pub(crate) vehicle: Option<String>,
-    /// line, lane, hough, neural, mission, expert or human
+    /// line, lane, hough, neural, mission, expert or human [usual: the one that follows what --world has]
     #[arg(long, value_name = "DRIVER")]
     pub(crate) driver: Option<String>,
     /// Trained network for the driver `neural`
@@ -106,7 +106,8 @@ impl ScenarioFlags {
             Some(path) => Scenario::load(path)?,
             None => {
                 let world = self.world.as_deref().unwrap_or("oval");
-                Scenario::new(world, usual_vehicle(world), "line")
+                let driver = self.driver.as_deref().unwrap_or_else(|| usual_driver(world));
+                Scenario::new(world, usual_vehicle(world), driver)
             }
         };
         self.over(scenario)

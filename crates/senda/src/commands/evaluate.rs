@@ -55,7 +55,13 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
     /// Do not drive: compare frame by frame with what was done in these recordings or other data (B6), in each output's own unit
-    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "LIST",
+        conflicts_with_all = ["worlds", "speeds", "latencies", "lost_frames", "runs", "lights", "floors", "image", "seed",
+            "beside_lane", "jobs", "results", "report"]
+    )]
     against: Vec<PathBuf>,
     /// Also drive the hand-coded lane follower over the same worlds
     #[arg(long)]
@@ -104,23 +110,22 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     };
     let warnings = check(&plan, &model.provenance)?;
     terminal::warn(&warnings);
-    let output = |results: Option<PathBuf>, report: Option<PathBuf>| Output {
+    let output = Output {
         title: "Evaluation",
-        warnings: warnings.clone(),
+        warnings,
         jobs: arguments.jobs,
-        results,
-        report,
+        results: arguments.results,
+        report: arguments.report,
         json: arguments.json,
     };
-    drive_all(&plan, &output(arguments.results, arguments.report))?;
-    if arguments.beside_lane && !terminal::interrupted() {
-        say!("\nthe hand-coded lane follower over the same worlds, starts and speeds:")?;
-        let mut plan = plan;
-        plan.base.driver = "lane".to_owned();
-        plan.base.driver_options.clear();
-        drive_all(&plan, &output(None, None))?;
-    }
-    Ok(())
+    let lane = arguments.beside_lane.then(|| {
+        let mut lane = plan.clone();
+        lane.base.driver = "lane".to_owned();
+        lane.base.driver_options.clear();
+        lane
+    });
+    let name = "the hand-coded lane follower over the same worlds, starts and speeds";
+    drive_all(&plan, lane.as_ref().map(|lane| (name, lane)), &output)
 }
 
 /// Refuses a plan that could not be driven, before anything is; then what its results will not say.

@@ -132,6 +132,14 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             "interrupted: the same command goes on from {}",
             arguments.folder.display()
         );
+        if arguments.json {
+            let value = serde_json::json!({
+                "interrupted": true,
+                "rounds": learned.rounds,
+                "wall_s": terminal::seconds_since(began_ns),
+            });
+            say!("{}", serde_json::to_string_pretty(&value)?)?;
+        }
         return Ok(());
     }
     let mut model = learned.model;
@@ -151,6 +159,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let wall_s = terminal::seconds_since(began_ns);
     if arguments.json {
         let value = serde_json::json!({
+            "interrupted": false,
             "model": arguments.out,
             "network": model.network.name(),
             "rounds": learned.rounds,

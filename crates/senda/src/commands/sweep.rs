@@ -9,7 +9,7 @@ use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use senda_eval::{
-    report::{Page, SweepRun, sweep_html, sweep_table},
+    report::{Page, SweepRun, SweepTable, sweep_html, sweep_table},
     statistics::{Interval, Rate},
 };
 use senda_run::sweep::{self, Line, Plan};
@@ -147,7 +147,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         report: arguments.report,
         json: arguments.json,
     };
-    drive_all(&plan, &output)
+    drive_all(&plan, None, &output)
 }
 
 /// How a plan is run, and where its results go.
@@ -166,21 +166,54 @@ pub(crate) struct Output {
     pub(crate) json: bool,
 }
 
-/// Runs a plan and tells the rates.
-pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
-    plan.check()?;
+/// Runs a plan and tells the rates; then perhaps another plan beside it, with what to call that one.
+pub(crate) fn drive_all(plan: &Plan, beside: Option<(&str, &Plan)>, output: &Output) -> Result<()> {
+    let driven = drive(plan, output)?;
+    let beside = match beside {
+        Some((name, plan)) if !driven.interrupted() => Some((name, drive(plan, output)?)),
+        _ => None,
+    };
     let mut warnings = output.warnings.clone();
+    warnings.extend(driven.warnings.iter().cloned());
+    if let Some(path) = &output.report {
+        let mut head = Page::new(output.title, &command_line());
+        head.notes.clone_from(&warnings);
+        head.notes.extend(driven.interruption(output));
+        if let Some((name, beside)) = &beside {
+            head.notes.push(format!("{name}: {}", beside.overall()));
+        }
+        write_file(path, sweep_html(&head, &driven.runs).as_bytes())?;
+        tell!("report: {}", path.display());
+    }
+    if output.json {
+        let mut value = driven.json(&warnings);
+        if let Some((_, beside)) = &beside {
+            value["beside"] = beside.json(&beside.warnings);
+        }
+        say!("{}", serde_json::to_string_pretty(&value)?)?;
+    } else {
+        driven.print()?;
+        if let Some((name, beside)) = &beside {
+            say!("\n{name}:")?;
+            beside.print()?;
+        }
+    }
+    driven.whole()?;
+    beside.map_or(Ok(()), |(_, beside)| beside.whole())
+}
+
+/// Runs a plan.
+fn drive(plan: &Plan, output: &Output) -> Result<Driven> {
+    plan.check()?;
+    let mut warnings = Vec::new();
     let repeated = plan.repeated()?;
     if repeated > 0 {
-        let words = format!(
+        warnings.push(format!(
             "{repeated} runs equal others in everything and are left out: each is run and counted once"
-        );
-        tell!("warning: {words}");
-        warnings.push(words);
+        ));
     }
-    let jobs = output.jobs.unwrap_or(0);
     let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(jobs)
+        .num_threads(output.jobs.unwrap_or(0))
         .thread_name(|index| format!("sweep-{index}"))
         .build()
         .context("cannot start threads")?;
@@ -200,83 +233,121 @@ pub(crate) fn drive_all(plan: &Plan, output: &Output) -> Result<()> {
         )
     })?;
     bar.finish_and_clear();
-    let wall_s = terminal::seconds_since(began_ns);
-    let total = plan.runs()?.len();
-    let interrupted = lines.len() < total;
-    let mut head = Page::new(output.title, &command_line());
-    if let Some(words) = driven_alike(&lines) {
-        tell!("warning: {words}");
-        warnings.push(words);
+    warnings.extend(driven_alike(&lines));
+    terminal::warn(&warnings);
+    let runs: Vec<SweepRun> = lines.iter().map(sweep_run).collect();
+    let driven = Driven {
+        table: sweep_table(&runs),
+        runs,
+        wanted: plan.runs()?.len(),
+        wall_s: terminal::seconds_since(began_ns),
+        warnings,
+    };
+    if let Some(words) = driven.interruption(output) {
+        tell!("{words}");
     }
-    head.notes.clone_from(&warnings);
-    if interrupted {
-        head.notes
-            .push(format!("Interrupted after {} of {total} runs.", lines.len()));
+    Ok(driven)
+}
+
+/// What became of a plan.
+struct Driven {
+    runs: Vec<SweepRun>,
+    table: SweepTable,
+    /// Runs of the plan.
+    wanted: usize,
+    wall_s: f64,
+    warnings: Vec<String>,
+}
+
+impl Driven {
+    fn interrupted(&self) -> bool {
+        self.runs.len() < self.wanted
+    }
+
+    fn interruption(&self, output: &Output) -> Option<String> {
         let again = match &output.results {
             Some(path) => format!("run the same command again to go on from {}", path.display()),
             None => "give --results FILE to be able to go on".to_owned(),
         };
-        tell!("interrupted after {} of {total} runs: {again}", lines.len());
+        let (done, wanted) = (self.runs.len(), self.wanted);
+        self.interrupted()
+            .then(|| format!("interrupted after {done} of {wanted} runs: {again}"))
     }
-    let runs: Vec<SweepRun> = lines.iter().map(sweep_run).collect();
-    let table = sweep_table(&runs);
-    if let Some(path) = &output.report {
-        write_file(path, sweep_html(&head, &runs).as_bytes())?;
-        tell!("report: {}", path.display());
+
+    /// The rate over all runs, in words.
+    fn overall(&self) -> String {
+        let all = self.table.rows.iter().find(|row| row.by == "all");
+        all.map_or("nothing was driven".to_owned(), |row| {
+            let Rate { hits, count, .. } = row.completed;
+            format!("{hits} of {count} runs completed, {}", percent(&row.completed))
+        })
     }
-    if output.json {
-        let value = serde_json::json!({
-            "runs": lines.len(),
-            "wanted": total,
-            "interrupted": interrupted,
+
+    fn json(&self, warnings: &[String]) -> serde_json::Value {
+        serde_json::json!({
+            "runs": self.runs.len(),
+            "wanted": self.wanted,
+            "interrupted": self.interrupted(),
             "warnings": warnings,
-            "errors": table.errors,
-            "wall_s": wall_s,
-            "rows": table.rows,
-        });
-        say!("{}", serde_json::to_string_pretty(&value)?)?;
-        return whole(&runs, table.errors, interrupted);
+            "errors": self.table.errors,
+            "wall_s": self.wall_s,
+            "rows": self.table.rows,
+        })
     }
-    say!(
-        "{:30} {:>6}  {:>24}  {:>24}  {:>12}",
-        "",
-        "runs",
-        "completed",
-        "without a loss",
-        "lane error"
-    )?;
-    for row in &table.rows {
-        let error = row
-            .lane_error_m
-            .map_or("-".to_owned(), |error| format!("{:.2} cm", error.value * 100.0));
+
+    fn print(&self) -> Result<()> {
         say!(
             "{:30} {:>6}  {:>24}  {:>24}  {:>12}",
-            if row.by == "all" {
-                row.value.clone()
-            } else {
-                format!("{} {}", row.by, row.value)
-            },
-            row.completed.count,
-            percent(&row.completed),
-            percent(&row.without_loss),
-            error
+            "",
+            "runs",
+            "completed",
+            "without a loss",
+            "lane error"
         )?;
-        if let Some(delivery) = &row.delivery {
-            say!("  {}", delivery.words())?;
+        for row in &self.table.rows {
+            let error = row
+                .lane_error_m
+                .map_or("-".to_owned(), |error| format!("{:.2} cm", error.value * 100.0));
+            say!(
+                "{:30} {:>6}  {:>24}  {:>24}  {:>12}",
+                if row.by == "all" {
+                    row.value.clone()
+                } else {
+                    format!("{} {}", row.by, row.value)
+                },
+                row.completed.count,
+                percent(&row.completed),
+                percent(&row.without_loss),
+                error
+            )?;
+            if let Some(delivery) = &row.delivery {
+                say!("  {}", delivery.words())?;
+            }
+        }
+        let (done, errors) = (self.runs.len(), self.table.errors);
+        if errors > 0 {
+            say!("{errors} of {done} runs could not be run and count in no rate")?;
+        }
+        for run in self.runs.iter().filter(|run| run.summary.is_none()).take(5) {
+            tell!("could not be run: {}: {}", run.command, run.error);
+        }
+        say!("\n{done} of {} runs in {:.1} s", self.wanted, self.wall_s)
+    }
+
+    /// An error where some runs could not be run: what was told of the others is not what was asked for. An interrupted sweep ends
+    /// as every interrupted command does.
+    fn whole(&self) -> Result<()> {
+        match self.runs.iter().find(|run| run.summary.is_none()) {
+            Some(first) if !self.interrupted() => bail!(
+                "{} of {} runs could not be run; the first: {}: {}",
+                self.table.errors,
+                self.runs.len(),
+                first.command,
+                first.error
+            ),
+            _ => Ok(()),
         }
     }
-    if table.errors > 0 {
-        say!(
-            "{} of {} runs could not be run and count in no rate",
-            table.errors,
-            lines.len()
-        )?;
-    }
-    for run in runs.iter().filter(|run| run.summary.is_none()).take(5) {
-        tell!("could not be run: {}: {}", run.command, run.error);
-    }
-    say!("\n{} of {total} runs in {wall_s:.1} s", lines.len())?;
-    whole(&runs, table.errors, interrupted)
 }
 
 /// What to say where runs differ in what was asked, but not in what was driven: a driver that sees nothing of a light is not tested
@@ -293,20 +364,6 @@ fn driven_alike(lines: &[Line]) -> Option<String> {
             lines.len()
         )
     })
-}
-
-/// An error where some runs could not be run: what was told of the others is not what was asked for. An interrupted sweep ends as
-/// every interrupted command does.
-fn whole(runs: &[SweepRun], errors: u64, interrupted: bool) -> Result<()> {
-    match runs.iter().find(|run| run.summary.is_none()) {
-        Some(first) if !interrupted => bail!(
-            "{errors} of {} runs could not be run; the first: {}: {}",
-            runs.len(),
-            first.command,
-            first.error
-        ),
-        _ => Ok(()),
-    }
 }
 
 /// `98.4 % (96.9 to 99.2)`.
