@@ -81,6 +81,12 @@ pub struct Summary {
     pub duration_s: f64,
     /// Distance over time (m/s).
     pub mean_speed_mps: f64,
+    /// Mean speed on the straightest quarter of the time (m/s), but for the first 2 s; `None` where the road is as curved everywhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub straight_speed_mps: Option<f64>,
+    /// Mean speed on the most curved quarter (m/s).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curve_speed_mps: Option<f64>,
     /// How calmly it was driven.
     pub smoothness: Smoothness,
     /// How far odometry, by the wheels alone, ends from the true pose (C14); `None` without encoders.
@@ -152,6 +158,8 @@ impl Summary {
             distance_m: metrics.distance_m,
             duration_s: metrics.duration_s,
             mean_speed_mps: metrics.mean_speed_mps,
+            straight_speed_mps: metrics.speed_by_curvature_mps.map(|[straight, _]| straight),
+            curve_speed_mps: metrics.speed_by_curvature_mps.map(|[_, curved]| curved),
             smoothness: *smoothness,
             frames: metrics.frames,
             ..Self::default()
@@ -315,6 +323,17 @@ impl Summary {
                 text::speed(self.mean_speed_mps)
             ),
         ));
+        // At a speed that is held there is nothing to tell.
+        if let (Some(straight), Some(curved)) = (self.straight_speed_mps, self.curve_speed_mps)
+            && (straight - curved).abs() > 0.02 * straight.abs()
+        {
+            let words = format!(
+                "{} where it is straightest, {} in curves",
+                text::speed(straight),
+                text::speed(curved)
+            );
+            rows.push(("speed", words));
+        }
         if let Some(odometry) = &self.odometry {
             rows.push((
                 "odometry",

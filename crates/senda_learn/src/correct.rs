@@ -28,6 +28,9 @@ pub struct Gathering {
     pub image_px: Option<[u32; 2]>,
     /// Speeds (m/s) from slowest to fastest; each drive has its own.
     pub speed_mps: [f64; 2],
+    /// Curves are taken so that v²·κ stays below this (m/s²), as the expert's option `speed.lateral_acceleration_mps2`; left out: the
+    /// expert's own.
+    pub lateral_acceleration_mps2: Option<f64>,
     /// Longest drive (frames).
     pub drive_frames: usize,
     /// Pushes while driving.
@@ -90,6 +93,7 @@ impl Default for Gathering {
             vehicle: "picar".into(),
             image_px: Some([160, 120]),
             speed_mps: [0.12, 0.3],
+            lateral_acceleration_mps2: None,
             drive_frames: 250,
             pushes: Some(Pushes {
                 every_s: 1.5,
@@ -135,6 +139,13 @@ impl Gathering {
                 "gathering.speed_mps",
                 "two speeds, the slower one first, more than 0 and at most 100",
                 format!("{slow} and {fast}"),
+            ),
+            (
+                self.lateral_acceleration_mps2
+                    .is_none_or(|most| most > 0.0 && most <= 100.0),
+                "gathering.lateral_acceleration_mps2",
+                "more than 0 and at most 100",
+                self.lateral_acceleration_mps2.unwrap_or(0.0).to_string(),
             ),
             (
                 (0.0..=1.0).contains(&self.start_offset),
@@ -318,6 +329,9 @@ fn one(brief: &Brief, spec: &VehicleSpec, model: Option<&Model>, number: u64) ->
         ..ExpertOptions::default()
     };
     options.set_speed(Some(speed_mps));
+    if let Some(lateral) = gathering.lateral_acceleration_mps2 {
+        options.speed.lateral_acceleration_mps2 = lateral;
+    }
     let mut expert = ExpertDriver::new(&body, path.clone(), options)?;
     let mut network = match model {
         Some(model) => {

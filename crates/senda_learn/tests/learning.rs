@@ -181,6 +181,10 @@ fn impossible_experiments_are_refused_by_key() {
     check(&|l| l.crop.top = 1.5, "crop");
     check(&|l| l.gathering.drive_frames = 0, "drive_frames");
     check(&|l| l.gathering.speed_mps = [f64::NAN, 1.0], "speed_mps");
+    check(
+        &|l| l.gathering.lateral_acceleration_mps2 = Some(f64::NAN),
+        "lateral_acceleration_mps2",
+    );
     check(&|l| l.gathering.start_offset = f64::INFINITY, "start_offset");
     check(&|l| l.gathering.families = vec!["randomm".into()], "randomm");
     check(&|l| l.gathering.image_px = Some([0, 0]), "image_px");

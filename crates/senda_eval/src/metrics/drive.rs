@@ -143,6 +143,9 @@ pub struct Metrics {
     pub duration_s: f64,
     /// Distance driven over time (m/s).
     pub mean_speed_mps: f64,
+    /// Mean speed (m/s) on the straightest quarter of the time and on the most curved one, but for the first 2 s; `None` where the road
+    /// has no such parts.
+    pub speed_by_curvature_mps: Option<[f64; 2]>,
     /// Frames that count.
     pub frames: u64,
 }
@@ -307,6 +310,7 @@ pub(crate) fn measure_trace(course: &Course, truths: &[Truth], rows: &Trace) -> 
     } else {
         0.0
     };
+    metrics.speed_by_curvature_mps = super::speed::by_curvature(course, rows, count);
     let lost_s = INTERVENTION_S * f64::from(metrics.interventions);
     metrics.autonomy = (metrics.duration_s > 0.0).then(|| (1.0 - lost_s / metrics.duration_s).max(0.0));
     metrics.progress_m = furthest_m;

@@ -400,3 +400,31 @@ fn in_a_narrow_corridor_leaving_it_is_the_intervention() {
     let truths = drive(&path, stations(10.0, 400).map(|s| (s, (0.3 - s).max(0.0))));
     assert_eq!(measure(&course(&path, Some(1.0)), &truths).interventions, 0);
 }
+
+#[test]
+fn speed_is_told_apart_on_straights_and_in_curves() {
+    let pieces = [Segment::straight(4.0), Segment::arc(0.5, PI)].repeat(2);
+    let path = Curve::from_segments(Pose2::default(), &pieces, 0.01, true).unwrap();
+    let mut truths = drive(&path, stations(path.length_m(), 800).map(|s| (s, 0.0)));
+    for truth in &mut truths[1..] {
+        let place = path.project(truth.world_from_vehicle.position());
+        truth.speed_mps = if path.curvature_at(place.station_m).abs() > 1.0 {
+            0.3
+        } else {
+            0.8
+        };
+    }
+    // Setting off counts nowhere.
+    truths[0].speed_mps = 100.0;
+    let [straight, curved] = measure(&course(&path, Some(1.0)), &truths)
+        .speed_by_curvature_mps
+        .unwrap();
+    close(straight, 0.8, 1e-9);
+    close(curved, 0.3, 1e-9);
+    let circle = circle();
+    let truths = drive(&circle, stations(6.0, 400).map(|s| (s, 0.0)));
+    assert_eq!(
+        measure(&course(&circle, None), &truths).speed_by_curvature_mps,
+        None
+    );
+}

@@ -14,6 +14,7 @@
 mod drive;
 mod losses;
 mod smoothness;
+mod speed;
 
 pub use crate::summary::Summary;
 pub use drive::{ErrorFigures, Metrics, Trace, measure, trace};
