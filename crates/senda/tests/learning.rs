@@ -558,6 +558,63 @@ fn a_model_that_is_fine_tuned_keeps_its_network_and_pictures() {
     fine(&[]).success();
 }
 
+/// Only the new data were named: an evaluation on what the base had learned warned of nothing.
+#[test]
+fn a_model_that_is_fine_tuned_remembers_what_its_base_learned() {
+    let folder = tempfile::tempdir().unwrap();
+    data(folder.path());
+    let at = |name: &str| folder.path().join(name);
+    let (base, out, frames) = (at("a.senda"), at("b.senda"), at("frames"));
+    senda(&with(&training(folder.path(), "a.senda"), &[])).success();
+    let run = at("runs/oval-lane-picar-expert-1.mcap");
+    let export = ["--format", "named-frames", "--out", text(&frames)];
+    senda(&[&["data", "export", text(&run)], &export[..]].concat()).success();
+    let onnx = at("a.onnx");
+    senda(&["model", "export", text(&base), text(&onnx)]).success();
+    let network = at("tiny.toml");
+    for (from, more) in [(&base, &[][..]), (&onnx, &["--network", text(&network)])] {
+        let train = [
+            "train",
+            text(&frames),
+            "--split",
+            "time",
+            "--epochs",
+            "1",
+            "--jobs",
+            "1",
+            "--out",
+            text(&out),
+            "--from",
+            text(from),
+        ];
+        senda(&[&train[..], more].concat()).success();
+        let info = json(&["model", "info", text(&out), "--json"]);
+        assert_eq!(
+            info["provenance"]["worlds"],
+            serde_json::json!(["oval-lane"]),
+            "{info}"
+        );
+        let learned = info["provenance"]["data"].as_array().unwrap();
+        assert_eq!(learned[0], text(&at("runs")));
+        assert!(learned[1].as_str().unwrap().starts_with(text(from)));
+        assert_eq!(learned[2], text(&frames));
+    }
+    let drive = [
+        "--worlds",
+        "oval-lane",
+        "--runs",
+        "1",
+        "--image",
+        "40x30",
+        "--json",
+    ];
+    let evaluated = json(&[&["evaluate", text(&out)], &drive[..]].concat());
+    assert!(
+        evaluated["warnings"].to_string().contains("1 of the 1 worlds"),
+        "{evaluated}"
+    );
+}
+
 #[test]
 fn judging_by_what_was_learned_is_named() {
     let folder = tempfile::tempdir().unwrap();

@@ -188,7 +188,7 @@ fn is_among(world: &str, name: &str, learned: &str, provenance: &Provenance) -> 
 }
 
 /// Drives of all rounds of `senda learn`.
-fn drives(provenance: &Provenance) -> u64 {
+pub(crate) fn drives(provenance: &Provenance) -> u64 {
     let rounds = provenance
         .metrics
         .get("rounds")

@@ -1,6 +1,7 @@
 //! `senda train`: a network on recordings.
 
 mod fine_tuning;
+pub(crate) mod inherited;
 
 use super::{check_out, report::command_line, save_model, training_report};
 use crate::terminal;
@@ -235,10 +236,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         let extension = path.extension().and_then(|extension| extension.to_str());
         !matches!(extension, Some("safetensors" | "onnx"))
     };
-    let (network, weights, mut input) = if let Some(path) = arguments.from.as_ref().filter(is_model) {
+    let (network, weights, mut input, base) = if let Some(path) = arguments.from.as_ref().filter(is_model) {
         let model = Model::load(path)?;
         fine_tuning::refuse_other(&model, path, &experiment)?;
-        (model.network, model.weights, model.input)
+        (model.network, model.weights, model.input, Some(model.provenance))
     } else {
         let name = experiment.network.get_or_insert_with(|| "pilotnet".to_owned());
         let network = network_for(name, &experiment.answers)?;
@@ -254,7 +255,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             stack: experiment.stack,
         };
         let input = InputSpec::for_network(&network, &view).map_err(|fault| anyhow::anyhow!("{fault}"))?;
-        (network, weights, input)
+        let base = arguments.from.as_deref().and_then(inherited::of_onnx);
+        (network, weights, input, base)
     };
     let body = senda_run::scenario::find_vehicle(&experiment.vehicle)?.body();
     let bar = terminal::bar("reading");
@@ -398,6 +400,9 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         command: command_line(),
         ..Provenance::default()
     };
+    if let Some((from, base)) = arguments.from.as_deref().zip(base.as_ref()) {
+        inherited::inherit(&mut provenance, from, base);
+    }
     if let Some(best) = best {
         provenance
             .metrics

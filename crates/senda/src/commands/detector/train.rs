@@ -1,7 +1,7 @@
 //! `senda detector train`.
 
 use super::{list, print_scores, warn};
-use crate::commands::{check_out, report::command_line, save_model};
+use crate::commands::{check_out, report::command_line, save_model, train::inherited::inherit};
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -126,7 +126,7 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
         }
         None => None,
     };
-    model.provenance = Provenance {
+    let mut provenance = Provenance {
         senda: env!("CARGO_PKG_VERSION").to_owned(),
         commit: senda_run::COMMIT.to_owned(),
         data: vec![format!(
@@ -138,12 +138,15 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
         command: command_line(),
         ..Provenance::default()
     };
+    if let Some(from) = &arguments.from {
+        inherit(&mut provenance, from, &model.provenance);
+    }
     if let Some((scores, _)) = &judged {
-        model
-            .provenance
+        provenance
             .metrics
             .insert("validation".into(), serde_json::to_value(scores)?);
     }
+    model.provenance = provenance;
     save_model(&model, &arguments.out)?;
     let wall_s = terminal::seconds_since(began_ns);
     if arguments.json {
