@@ -112,9 +112,15 @@ fn a_split_by_world_is_shown_and_written_and_a_leak_refused() {
         "--split",
         "random-frames",
         "--allow-leak",
+        "--out",
+        text(&plan),
     ])
     .success()
     .stdout(contains("LEAKS"));
+    // The plan kept the split without the leave to leak, and could not be used.
+    senda(&["data", "split", "--plan", text(&plan)])
+        .success()
+        .stdout(contains("LEAKS"));
 }
 
 #[test]

@@ -615,6 +615,55 @@ fn a_model_that_is_fine_tuned_remembers_what_its_base_learned() {
     );
 }
 
+/// It lacked what the model of `--from` decides, and trained a fresh PilotNet.
+#[test]
+fn the_experiment_of_a_folder_trains_the_same_again() {
+    let folder = tempfile::tempdir().unwrap();
+    data(folder.path());
+    let at = |name: &str| folder.path().join(name);
+    senda(&with(
+        &training(folder.path(), "a.senda"),
+        &["--crop-top", "0.25"],
+    ))
+    .success();
+    std::fs::remove_file(at("tiny.toml")).unwrap();
+    let (model, runs, kept) = (at("a.senda"), at("runs"), at("kept"));
+    let (out, again) = (at("b.senda"), at("c.senda"));
+    let first = [
+        "train",
+        text(&runs),
+        "--split",
+        "random-frames",
+        "--allow-leak",
+        "--epochs",
+        "1",
+        "--from",
+        text(&model),
+        "--folder",
+        text(&kept),
+        "--json",
+        "--out",
+        text(&out),
+    ];
+    let first = json(&first);
+    let plan = kept.join("experiment.toml");
+    let words = std::fs::read_to_string(&plan).unwrap();
+    for key in [
+        "from = ",
+        "network = ",
+        "colour = \"grey\"",
+        "allow_leak = true",
+        "top = 0.25",
+        "stack = 1",
+    ] {
+        assert!(words.contains(key), "{key}: {words}");
+    }
+    let second = json(&["train", "--plan", text(&plan), "--out", text(&again), "--json"]);
+    assert_eq!(first["history"], second["history"]);
+    let info = |path: &Path| json(&["model", "info", text(path), "--json"]);
+    assert_eq!(info(&out)["input"], info(&again)["input"]);
+}
+
 #[test]
 fn judging_by_what_was_learned_is_named() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,6 @@
 //! `senda train`: a network on recordings.
 
+mod experiment;
 mod fine_tuning;
 pub(crate) mod inherited;
 
@@ -7,71 +8,17 @@ use super::{check_out, report::command_line, save_model, training_report};
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use senda_drivers::Answer;
+pub(crate) use experiment::Experiment;
 use senda_learn::{
-    Answers, Samples, Split,
+    Answers, Samples,
     beginning::begin,
-    gather::{self, Data, Selection},
+    gather::{self, Data},
     learn::network_for,
     split,
-    train::{self, Errors, Lesson, News, Training},
+    train::{self, Errors, Lesson, News},
 };
-use senda_nets::{Colour, Crop, Edges, InputSpec, Model, Provenance, View};
-use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
-
-/// An experiment as a file; every key has a flag.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub(crate) struct Experiment {
-    network: Option<String>,
-    pub(crate) data: Vec<PathBuf>,
-    validation: Vec<PathBuf>,
-    pub(crate) split: Split,
-    pub(crate) validation_share: f64,
-    pub(crate) split_gap: usize,
-    pub(crate) vehicle: String,
-    colour: Option<Colour>,
-    crop: Option<Crop>,
-    edges: Option<Edges>,
-    stack: Option<usize>,
-    pub(crate) answers: Vec<Answer>,
-    /// What full lock is called in degrees: errors are told in degrees too.
-    full_lock_deg: Option<f64>,
-    pub(crate) selection: Selection,
-    pub(crate) training: Training,
-}
-
-impl Experiment {
-    /// Reads an experiment file.
-    pub(crate) fn load(path: &Path) -> Result<Self> {
-        let text =
-            std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-        toml::from_str(&text).with_context(|| path.display().to_string())
-    }
-}
-
-impl Default for Experiment {
-    fn default() -> Self {
-        Self {
-            network: None,
-            data: vec![],
-            validation: vec![],
-            split: Split::default(),
-            validation_share: 0.2,
-            split_gap: 0,
-            vehicle: "picar".into(),
-            colour: None,
-            crop: None,
-            edges: None,
-            stack: None,
-            answers: vec![Answer::Steering],
-            full_lock_deg: None,
-            selection: Selection::default(),
-            training: Training::default(),
-        }
-    }
-}
+use senda_nets::{InputSpec, Model, Provenance, View};
+use std::path::PathBuf;
 
 #[derive(Args)]
 pub(crate) struct Arguments {
@@ -183,6 +130,10 @@ impl Arguments {
         if self.network.is_some() {
             experiment.network.clone_from(&self.network);
         }
+        if self.from.is_some() {
+            experiment.from.clone_from(&self.from);
+        }
+        experiment.allow_leak |= self.allow_leak;
         if let Some(vehicle) = &self.vehicle {
             experiment.vehicle.clone_from(vehicle);
         }
@@ -232,11 +183,12 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     let mut experiment = arguments.experiment()?;
     check_out(&arguments.out)?;
     let began_ns = terminal::clock_ns();
+    let from = experiment.from.clone();
     let is_model = |path: &&PathBuf| {
         let extension = path.extension().and_then(|extension| extension.to_str());
         !matches!(extension, Some("safetensors" | "onnx"))
     };
-    let (network, weights, mut input, base) = if let Some(path) = arguments.from.as_ref().filter(is_model) {
+    let (network, weights, mut input, base) = if let Some(path) = from.as_ref().filter(is_model) {
         let model = Model::load(path)?;
         fine_tuning::refuse_other(&model, path, &experiment)?;
         (model.network, model.weights, model.input, Some(model.provenance))
@@ -244,7 +196,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         let name = experiment.network.get_or_insert_with(|| "pilotnet".to_owned());
         let network = network_for(name, &experiment.answers)?;
         let seed = experiment.training.seed;
-        let (weights, note) = begin(&network, &experiment.training, seed, arguments.from.as_deref())?;
+        let (weights, note) = begin(&network, &experiment.training, seed, from.as_deref())?;
         if let Some(note) = note {
             tell!("{note}");
         }
@@ -255,7 +207,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             stack: experiment.stack,
         };
         let input = InputSpec::for_network(&network, &view).map_err(|fault| anyhow::anyhow!("{fault}"))?;
-        let base = arguments.from.as_deref().and_then(inherited::of_onnx);
+        let base = from.as_deref().and_then(inherited::of_onnx);
         (network, weights, input, base)
     };
     let body = senda_run::scenario::find_vehicle(&experiment.vehicle)?.body();
@@ -289,7 +241,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             share,
             experiment.split_gap,
             experiment.training.seed,
-            arguments.allow_leak,
+            experiment.allow_leak,
         )?;
         if let Some(note) = split::far_off(&training, &validation, experiment.split, share) {
             bar.suspend(|| terminal::tell(format!("warning: {note}")));
@@ -317,10 +269,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         Some(folder) => {
             std::fs::create_dir_all(folder)
                 .with_context(|| format!("cannot make folder {}", folder.display()))?;
-            super::write_file(
-                &folder.join("experiment.toml"),
-                toml::to_string(&experiment)?.as_bytes(),
-            )?;
+            experiment.write(folder, &network, &input)?;
             Some(folder.join("checkpoint"))
         }
         None => None,
@@ -400,7 +349,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         command: command_line(),
         ..Provenance::default()
     };
-    if let Some((from, base)) = arguments.from.as_deref().zip(base.as_ref()) {
+    if let Some((from, base)) = from.as_deref().zip(base.as_ref()) {
         inherited::inherit(&mut provenance, from, base);
     }
     if let Some(best) = best {

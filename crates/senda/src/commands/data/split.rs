@@ -68,12 +68,13 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     }
     experiment.validation_share = arguments.validation_share.unwrap_or(experiment.validation_share);
     experiment.split_gap = arguments.split_gap.unwrap_or(experiment.split_gap);
+    experiment.allow_leak |= arguments.allow_leak;
     experiment.training.seed = arguments.seed.unwrap_or(experiment.training.seed);
     if let Some(vehicle) = &arguments.vehicle {
         experiment.vehicle.clone_from(vehicle);
     }
     // Refused before hours of decoding, not after.
-    if experiment.split == Split::RandomFrames && !arguments.allow_leak {
+    if experiment.split == Split::RandomFrames && !experiment.allow_leak {
         return Err(senda_learn::LearnError::Leak.into());
     }
     let body = find_vehicle(&experiment.vehicle)?.body();
@@ -96,7 +97,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         experiment.validation_share,
         experiment.split_gap,
         experiment.training.seed,
-        arguments.allow_leak,
+        experiment.allow_leak,
     )?;
     data.warnings.extend(split::far_off(
         &training,
