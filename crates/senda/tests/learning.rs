@@ -664,6 +664,26 @@ fn the_experiment_of_a_folder_trains_the_same_again() {
     assert_eq!(info(&out)["input"], info(&again)["input"]);
 }
 
+/// The options of the refused experiment stood over those of the one that the folder holds.
+#[test]
+fn a_refused_experiment_leaves_the_folder_as_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    data(folder.path());
+    let kept = folder.path().join("kept");
+    let arguments = training(folder.path(), "a.senda");
+    let arguments = with(&arguments, &["--folder", text(&kept)]);
+    senda(&arguments).success();
+    let files = || ["experiment.toml", "checkpoint"].map(|name| std::fs::read(kept.join(name)).unwrap());
+    let before = files();
+    senda(&[&arguments[..], &["--learning-rate", "0.01"]].concat())
+        .failure()
+        .stderr(contains("expected a checkpoint of this experiment"));
+    senda(&[&arguments[..], &["--batch", "0"]].concat())
+        .failure()
+        .stderr(contains("batch"));
+    assert!(before == files());
+}
+
 #[test]
 fn judging_by_what_was_learned_is_named() {
     let folder = tempfile::tempdir().unwrap();

@@ -105,45 +105,25 @@ pub(crate) fn save(
     })
 }
 
+/// Refuses a checkpoint that is damaged or of another experiment; none at all is fine.
+pub(crate) fn check(path: &Path, fingerprint: &str) -> Result<(), LearnError> {
+    match read(path)? {
+        Some(bytes) => take_apart(path, fingerprint, &bytes).map(|_| ()),
+        None => Ok(()),
+    }
+}
+
 /// Reads the state back, if there is one.
 pub(crate) fn load(
     path: &Path,
     fingerprint: &str,
     trainer: &mut Trainer,
 ) -> Result<Option<Progress>, LearnError> {
-    let bytes = match std::fs::read(path) {
-        Ok(bytes) => bytes,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(source) => return Err(LearnError::io(path, source)),
+    let Some(bytes) = read(path)? else {
+        return Ok(None);
     };
-    let wrong = |reason: &str| LearnError::Checkpoint {
-        path: path.to_owned(),
-        reason: reason.to_owned(),
-    };
-    let cut = || wrong("it is cut short or damaged");
-    let rest = bytes
-        .strip_prefix(MAGIC.as_slice())
-        .ok_or_else(|| wrong("it is no checkpoint at all"))?;
-    let (length, rest) = rest.split_first_chunk::<8>().ok_or_else(cut)?;
-    let length = usize::try_from(u64::from_le_bytes(*length)).map_err(|_| cut())?;
-    let head: Head = serde_json::from_slice(rest.get(..length).ok_or_else(cut)?).map_err(|_| cut())?;
-    if head.version != 1 {
-        return Err(wrong(&format!(
-            "it has version {} and this program reads 1",
-            head.version
-        )));
-    }
-    if head.fingerprint != fingerprint {
-        return Err(wrong("its network, options, data or first weights are others"));
-    }
-    let rest = &rest[length..];
-    let best_bytes = head.best_len.checked_mul(4).ok_or_else(cut)?;
-    let best = rest.get(..best_bytes).ok_or_else(cut)?;
-    let state = rest
-        .get(best_bytes..)
-        .filter(|state| state.len() == head.trainer_len)
-        .ok_or_else(cut)?;
-    trainer.resume(state).map_err(|_| cut())?;
+    let (head, best, state) = take_apart(path, fingerprint, &bytes)?;
+    trainer.resume(state).map_err(|_| wrong(path, CUT))?;
     let best: Vec<f32> = best
         .chunks_exact(4)
         .map(|bytes| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
@@ -154,4 +134,55 @@ pub(crate) fn load(
         best_epoch: head.best_epoch,
         interrupted: false,
     }))
+}
+
+fn read(path: &Path) -> Result<Option<Vec<u8>>, LearnError> {
+    match std::fs::read(path) {
+        Ok(bytes) => Ok(Some(bytes)),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(source) => Err(LearnError::io(path, source)),
+    }
+}
+
+const CUT: &str = "it is cut short or damaged";
+
+fn wrong(path: &Path, reason: &str) -> LearnError {
+    LearnError::Checkpoint {
+        path: path.to_owned(),
+        reason: reason.to_owned(),
+    }
+}
+
+/// What it says, the best weights, and the trainer's state.
+fn take_apart<'a>(
+    path: &Path,
+    fingerprint: &str,
+    bytes: &'a [u8],
+) -> Result<(Head, &'a [u8], &'a [u8]), LearnError> {
+    let cut = || wrong(path, CUT);
+    let rest = bytes
+        .strip_prefix(MAGIC.as_slice())
+        .ok_or_else(|| wrong(path, "it is no checkpoint at all"))?;
+    let (length, rest) = rest.split_first_chunk::<8>().ok_or_else(cut)?;
+    let length = usize::try_from(u64::from_le_bytes(*length)).map_err(|_| cut())?;
+    let (head, rest) = rest.split_at_checked(length).ok_or_else(cut)?;
+    let head: Head = serde_json::from_slice(head).map_err(|_| cut())?;
+    if head.version != 1 {
+        return Err(wrong(
+            path,
+            &format!("it has version {} and this program reads 1", head.version),
+        ));
+    }
+    if head.fingerprint != fingerprint {
+        return Err(wrong(
+            path,
+            "its network, options, data or first weights are others",
+        ));
+    }
+    let best_bytes = head.best_len.checked_mul(4).ok_or_else(cut)?;
+    let (best, state) = rest.split_at_checked(best_bytes).ok_or_else(cut)?;
+    if state.len() != head.trainer_len {
+        return Err(cut());
+    }
+    Ok((head, best, state))
 }

@@ -225,6 +225,27 @@ pub struct Lesson<'a> {
     pub checkpoint: Option<&'a Path>,
 }
 
+/// Refuses what [`train`] would refuse before its first step: options, data, and the checkpoint of another experiment.
+pub fn check(lesson: &Lesson, weights: &Weights) -> Result<(), LearnError> {
+    check_data(lesson)?;
+    match lesson.checkpoint.filter(|path| path.exists()) {
+        Some(path) => checkpoint::check(path, &checkpoint::fingerprint(lesson, weights)),
+        None => Ok(()),
+    }
+}
+
+fn check_data(lesson: &Lesson) -> Result<(), LearnError> {
+    lesson.options.check()?;
+    if lesson.training.is_empty() {
+        return Err(LearnError::NoFrames {
+            what: "training".into(),
+            help: "record some with `senda drive --record`, or give other data".into(),
+        });
+    }
+    lesson.training.check_targets("training data")?;
+    lesson.validation.check_targets("validation data")
+}
+
 /// Trains a network from these weights on.
 pub fn train(
     lesson: &Lesson,
@@ -241,15 +262,7 @@ pub fn train(
         options,
         checkpoint,
     } = *lesson;
-    options.check()?;
-    if training.is_empty() {
-        return Err(LearnError::NoFrames {
-            what: "training".into(),
-            help: "record some with `senda drive --record`, or give other data".into(),
-        });
-    }
-    training.check_targets("training data")?;
-    validation.check_targets("validation data")?;
+    check_data(lesson)?;
     let fingerprint = checkpoint::fingerprint(lesson, &weights);
     let mut trainer = Trainer::new(
         network.clone(),

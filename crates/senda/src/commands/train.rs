@@ -265,15 +265,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     // What the data do not know, a model that is fine-tuned may.
     input.camera = camera.or(input.camera);
     let answers = Answers::of(&experiment.answers);
-    let checkpoint = match &arguments.folder {
-        Some(folder) => {
-            std::fs::create_dir_all(folder)
-                .with_context(|| format!("cannot make folder {}", folder.display()))?;
-            experiment.write(folder, &network, &input)?;
-            Some(folder.join("checkpoint"))
-        }
-        None => None,
-    };
+    let checkpoint = arguments.folder.as_ref().map(|folder| folder.join("checkpoint"));
     bar.set_message("training");
     let lesson = Lesson {
         network: &network,
@@ -284,6 +276,13 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         options: &experiment.training,
         checkpoint: checkpoint.as_deref(),
     };
+    // An experiment that is refused leaves the folder's own as it was.
+    train::check(&lesson, &weights)?;
+    if let Some(folder) = &arguments.folder {
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("cannot make folder {}", folder.display()))?;
+        experiment.write(folder, &network, &input)?;
+    }
     let trained = train::train(
         &lesson,
         weights,

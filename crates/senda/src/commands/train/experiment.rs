@@ -43,16 +43,17 @@ impl Experiment {
 
     /// Writes everything as it was resolved, so that the file alone trains the same again. A network that came with a model and is
     /// no ready one lies beside it.
-    pub(super) fn write(&mut self, folder: &Path, network: &Network, input: &InputSpec) -> Result<()> {
-        self.colour = Some(input.colour);
-        self.crop = Some(input.crop);
-        self.edges = input.edges;
-        self.stack = Some(input.stack);
-        if self.network.is_none() {
+    pub(super) fn write(&self, folder: &Path, network: &Network, input: &InputSpec) -> Result<()> {
+        let mut whole = self.clone();
+        whole.colour = Some(input.colour);
+        whole.crop = Some(input.crop);
+        whole.edges = input.edges;
+        whole.stack = Some(input.stack);
+        if whole.network.is_none() {
             let text = network.to_toml();
             let is_ready =
                 network_for(network.name(), &self.answers).is_ok_and(|ready| ready.to_toml() == text);
-            self.network = Some(if is_ready {
+            whole.network = Some(if is_ready {
                 network.name().to_owned()
             } else {
                 let file = folder.join("network.toml");
@@ -60,7 +61,10 @@ impl Experiment {
                 file.display().to_string()
             });
         }
-        write_file(&folder.join("experiment.toml"), toml::to_string(self)?.as_bytes())
+        write_file(
+            &folder.join("experiment.toml"),
+            toml::to_string(&whole)?.as_bytes(),
+        )
     }
 }
 
