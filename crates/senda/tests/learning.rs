@@ -730,6 +730,7 @@ fn a_data_set_of_one_frame_is_learned_or_refused_with_words() {
         .stderr(contains("full_lock_deg"));
 }
 
+/// What it printed was the text of a finished training.
 #[test]
 #[cfg(unix)]
 fn an_interrupted_training_keeps_its_best_weights_and_goes_on() {
@@ -745,7 +746,7 @@ fn an_interrupted_training_keeps_its_best_weights_and_goes_on() {
     let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("senda"))
         .args(with(&arguments, &["--folder", text(&kept)]))
         .stdout(std::process::Stdio::null())
-        .stderr(std::process::Stdio::null())
+        .stderr(std::process::Stdio::piped())
         .spawn()
         .unwrap();
     while !kept.join("checkpoint").exists() {
@@ -760,8 +761,18 @@ fn an_interrupted_training_keeps_its_best_weights_and_goes_on() {
         .status()
         .unwrap();
     assert!(killed.success());
-    assert_eq!(child.wait().unwrap().code(), Some(130));
-    senda(&["model", "info", text(&model)]).success();
+    let ended = child.wait_with_output().unwrap();
+    assert_eq!(ended.status.code(), Some(130));
+    let words = String::from_utf8(ended.stderr).unwrap();
+    let told = format!("of 90000: the same command goes on from {}", text(&kept));
+    assert!(
+        words.contains("interrupted after epoch") && words.contains(&told),
+        "{words}"
+    );
+    let info = json(&["model", "info", text(&model), "--json"]);
+    let figure = info["provenance"]["metrics"]["interrupted"].as_str().unwrap();
+    let page = std::fs::read_to_string(kept.join("report.html")).unwrap();
+    assert!(page.contains(&format!("Interrupted {figure}.")), "{figure}");
     assert!(kept.join("checkpoint").exists() && !kept.join("checkpoint.partial").exists());
 }
 

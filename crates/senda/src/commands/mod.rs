@@ -25,7 +25,7 @@ pub(crate) mod world;
 
 use anyhow::{Context, Result};
 use senda_core::whole_file;
-use senda_nets::Model;
+use senda_nets::{Model, Provenance};
 use senda_run::Scenario;
 use std::path::Path;
 
@@ -64,6 +64,22 @@ pub(crate) fn save_model(model: &Model, path: &Path) -> Result<()> {
     }
     Ok(())
 }
+
+/// Says how far a training came and what to do; a figure says so in the model.
+pub(crate) fn note_interruption(provenance: &mut Provenance, done: usize, of: u32, folder: Option<&Path>) {
+    let place = format!("after epoch {done} of {of}");
+    match folder {
+        Some(folder) => tell!(
+            "interrupted {place}: the same command goes on from {}",
+            folder.display()
+        ),
+        None => tell!("interrupted {place}: give --folder FOLDER to be able to go on"),
+    }
+    provenance.metrics.insert(INTERRUPTED.to_owned(), place.into());
+}
+
+/// The figure that says so.
+pub(crate) const INTERRUPTED: &str = "interrupted";
 
 fn make_folder_of(path: &Path) -> Result<()> {
     match path.parent() {

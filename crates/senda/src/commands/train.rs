@@ -4,7 +4,7 @@ mod experiment;
 mod fine_tuning;
 pub(crate) mod inherited;
 
-use super::{check_out, report::command_line, save_model, training_report};
+use super::{check_out, note_interruption, report::command_line, save_model, training_report};
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -355,6 +355,11 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         provenance
             .metrics
             .insert("best_epoch".into(), serde_json::to_value(best)?);
+    }
+    if trained.interrupted {
+        let done = trained.history.len();
+        let folder = arguments.folder.as_deref();
+        note_interruption(&mut provenance, done, experiment.training.epochs, folder);
     }
     let forgets = experiment.training.forgets(&network);
     let model = Model {

@@ -1,7 +1,7 @@
 //! The page that `senda train` and `senda learn` write about a training.
 
 use super::report::command_line;
-use super::write_file;
+use super::{INTERRUPTED, write_file};
 use anyhow::Result;
 use senda_eval::report::{Page, TrainingEpoch, TrainingReport, TrainingRound, training_html};
 use senda_learn::{Samples, learn::Round, train::Epoch};
@@ -54,6 +54,13 @@ pub(crate) fn write(path: &Path, title: &str, told: &Told) -> Result<()> {
     .filter(|(_, value)| !value.is_empty())
     .map(|(name, value)| (name.to_owned(), value))
     .collect();
+    if let Some(place) = provenance
+        .metrics
+        .get(INTERRUPTED)
+        .and_then(|place| place.as_str())
+    {
+        page.notes.push(format!("Interrupted {place}."));
+    }
     write_file(path, training_html(&page, &report).as_bytes())?;
     tell!("report: {}", path.display());
     Ok(())

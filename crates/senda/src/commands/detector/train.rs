@@ -1,7 +1,9 @@
 //! `senda detector train`.
 
 use super::{list, print_scores, warn};
-use crate::commands::{check_out, report::command_line, save_model, train::inherited::inherit};
+use crate::commands::{
+    check_out, note_interruption, report::command_line, save_model, train::inherited::inherit,
+};
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -145,6 +147,10 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
         provenance
             .metrics
             .insert("validation".into(), serde_json::to_value(scores)?);
+    }
+    if trained.interrupted {
+        let (done, folder) = (trained.history.len(), arguments.folder.as_deref());
+        note_interruption(&mut provenance, done, options.epochs, folder);
     }
     model.provenance = provenance;
     save_model(&model, &arguments.out)?;
