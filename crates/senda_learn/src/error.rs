@@ -32,6 +32,19 @@ pub enum LearnError {
         /// How many there are.
         found: usize,
     },
+    /// A split that leaves nothing to learn from.
+    #[error(
+        "the split leaves nothing to learn from: of each run's frames (the longest has {longest}) the last {percent:.0} % judge \
+         (validation_share) and {gap} before them are left out (split_gap); lower one of the two, or record longer runs"
+    )]
+    NothingLeft {
+        /// Frames of the longest run.
+        longest: usize,
+        /// Part that judges (%).
+        percent: f64,
+        /// Frames left out before it.
+        gap: usize,
+    },
     /// No frames.
     #[error("{what}: expected frames, but found none to use; {help}")]
     NoFrames {

@@ -47,6 +47,14 @@ pub fn split(
             let cut = |length: usize| ((length as f64) * (1.0 - share)).round() as usize;
             let training = samples.part(|run| 0..cut(run.frames.len()).saturating_sub(gap));
             let validation = samples.part(|run| cut(run.frames.len())..run.frames.len());
+            if training.is_empty() && !samples.is_empty() {
+                let lengths = samples.runs.iter().map(|run| run.frames.len());
+                return Err(LearnError::NothingLeft {
+                    longest: lengths.max().unwrap_or(0),
+                    percent: 100.0 * share,
+                    gap,
+                });
+            }
             Ok((training, validation))
         }
         Split::RandomFrames if !allow_leak => Err(LearnError::Leak),
@@ -124,14 +132,22 @@ fn nearest_set(sizes: &[usize], wanted: usize) -> Vec<usize> {
     taken
 }
 
-/// What to say where whole worlds or runs judge with more than twice or less than half of the part that was asked for.
+/// What to say where more than twice or less than half of the part that was asked for judges.
 pub fn far_off(training: &Samples, validation: &Samples, how: Split, share: f64) -> Option<String> {
     let part = validation.len() as f64 / (training.len() + validation.len()).max(1) as f64;
-    let is_whole = matches!(how, Split::Worlds | Split::Runs);
-    (is_whole && (part > 2.0 * share || part < 0.5 * share)).then(|| {
+    let advice = match how {
+        Split::Worlds | Split::Runs => {
+            "no whole worlds or runs come nearer; record more of them, or split by `time`"
+        }
+        Split::Time if part < share => {
+            "the runs are too short; record longer ones, or raise validation_share"
+        }
+        Split::Time => "the gap takes the rest; lower split_gap, or record longer runs",
+        Split::RandomFrames => return None,
+    };
+    (part > 2.0 * share || part < 0.5 * share).then(|| {
         format!(
-            "{:.0} % of the frames judge, where {:.0} % was asked for: no whole worlds or runs come nearer; record more of \
-             them, or split by `time`",
+            "{:.0} % of the frames judge, where {:.0} % was asked for: {advice}",
             100.0 * part,
             100.0 * share
         )
@@ -272,5 +288,32 @@ mod tests {
         let all = samples(&[("a", "oval", 1000)]);
         let (training, validation) = split(&all, Split::Time, 0.2, 40, 1, false).unwrap();
         assert_eq!((training.len(), validation.len()), (760, 200));
+        assert_eq!(far_off(&training, &validation, Split::Time, 0.2), None);
+    }
+
+    /// One side was empty without a word, and training blamed the data.
+    #[test]
+    fn a_split_in_time_says_when_a_side_is_empty_or_far_too_large() {
+        let all = samples(&[("a", "oval", 100), ("b", "oval", 60)]);
+        let message = split(&all, Split::Time, 0.2, 100_000, 1, false)
+            .unwrap_err()
+            .to_string();
+        for words in [
+            "split_gap",
+            "validation_share",
+            "100000",
+            "longest has 100",
+            "20 %",
+        ] {
+            assert!(message.contains(words), "{message}");
+        }
+        let note = |all: &Samples, gap| {
+            let (training, validation) = split(all, Split::Time, 0.2, gap, 1, false).unwrap();
+            far_off(&training, &validation, Split::Time, 0.2).unwrap()
+        };
+        let wide = note(&all, 60);
+        assert!(wide.contains("62 %") && wide.contains("split_gap"), "{wide}");
+        let short = note(&samples(&[("a", "oval", 2)]), 0);
+        assert!(short.contains("0 %") && short.contains("too short"), "{short}");
     }
 }
