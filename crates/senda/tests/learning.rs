@@ -336,6 +336,17 @@ fn what_is_no_model_is_refused_with_words() {
     };
     drive(&path).stderr(contains("list.senda").and(contains("expected a model file")));
     drive(&folder.path().join("missing.senda")).stderr(contains("missing.senda"));
+    let info = |path: &str| senda(&["model", "info", path]).failure();
+    info("missing.senda").stderr(contains("found no such file; models are made by `senda train`"));
+    info(text(folder.path())).stderr(contains("it is a folder"));
+    #[cfg(unix)]
+    {
+        // Read until the memory was full.
+        info("/dev/zero").stderr(contains("it is a device"));
+        senda(&["model", "import", "/dev/zero"])
+            .failure()
+            .stderr(contains("device"));
+    }
     senda(&["model", "info", text(&path)])
         .failure()
         .stderr(contains("list.senda").and(contains("expected a model file")));

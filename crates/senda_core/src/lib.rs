@@ -19,6 +19,7 @@
 //! This crate does not know any vehicle or driver, what lies in files ([`whole_file`] only puts them down safely), and no clock.
 
 pub mod body;
+pub mod bounded_file;
 pub mod codec;
 pub mod command;
 pub mod driver;

@@ -5,6 +5,7 @@ use crate::network::{Kind, Layer, Network};
 use crate::onnx::{Imported, OnnxError};
 use crate::safetensors::{split, tensor_values};
 use crate::weights::Weights;
+use senda_core::bounded_file;
 use std::path::Path;
 use thiserror::Error;
 
@@ -55,7 +56,7 @@ impl Weights {
             network: network.name().to_owned(),
             problem,
         };
-        let bytes = std::fs::read(path).map_err(|error| ModelError::File {
+        let bytes = bounded_file::read(path, bounded_file::GIBIBYTE).map_err(|error| ModelError::File {
             file: file.clone(),
             reason: error.to_string(),
         })?;

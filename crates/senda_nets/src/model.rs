@@ -8,7 +8,7 @@ use crate::detection::DetectionSpec;
 use crate::quantised::{self, Grid, is_kernel, kernel_steps, scale_name};
 use crate::safetensors::{split, tensor_values};
 use crate::{Inference, InputSpec, Network, Tensor, Weights};
-use senda_core::whole_file;
+use senda_core::{bounded_file, whole_file};
 use senda_geom::{Camera, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -17,6 +17,11 @@ use thiserror::Error;
 
 /// The version that this program writes and reads.
 const VERSION: u32 = 1;
+
+/// Longer files are no model of ours: a network has at most 2^26 values, 268 MB, and a header 17 MB.
+const MOST_BYTES: u64 = 300_000_000;
+
+const MADE_BY: &str = "models are made by `senda train` and `senda learn`";
 
 /// A trained network, ready to drive.
 #[derive(Debug, Clone, PartialEq)]
@@ -213,7 +218,15 @@ impl Model {
     /// Reads a file.
     pub fn load(path: &Path) -> Result<Self, ModelError> {
         let name = path.display().to_string();
-        let bytes = std::fs::read(path).map_err(|error| file_error(path, &error))?;
+        let bytes = bounded_file::read(path, MOST_BYTES).map_err(|error| ModelError::Format {
+            file: name.clone(),
+            found: match error.kind() {
+                std::io::ErrorKind::NotFound => "found no such file".to_owned(),
+                std::io::ErrorKind::InvalidInput => error.to_string(),
+                _ => format!("it cannot be read: {error}"),
+            },
+            help: MADE_BY.to_owned(),
+        })?;
         Self::from_bytes(&name, &bytes).map_err(|error| match error {
             ModelError::Format { file, .. } if path.extension().is_some_and(|end| end == "onnx") => {
                 ModelError::Format {
@@ -233,12 +246,7 @@ impl Model {
             found,
             help: help.to_owned(),
         };
-        let none = |found: &str| {
-            wrong(
-                found.to_owned(),
-                "models are made by `senda train` and `senda learn`",
-            )
-        };
+        let none = |found: &str| wrong(found.to_owned(), MADE_BY);
         let (header, data) = split(bytes).map_err(|found| none(&found))?;
         let text = header
             .get("__metadata__")

@@ -10,6 +10,7 @@ pub use plan::{Plan, StartSpread};
 
 use crate::{Ears, RunError, Scenario, drive, pilot, scenario};
 use rayon::prelude::*;
+use senda_core::bounded_file;
 use senda_eval::Summary;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -49,7 +50,8 @@ fn keys(runs: &[Scenario]) -> Vec<String> {
         text += scenario.recorded_world.as_deref().unwrap_or_default();
         for file in files_of(scenario) {
             text += contents.entry(file).or_insert_with(|| {
-                std::fs::read(file).map_or_else(|_| String::new(), |content| hex(&Sha256::digest(content)))
+                bounded_file::read(Path::new(file), bounded_file::GIBIBYTE)
+                    .map_or_else(|_| String::new(), |content| hex(&Sha256::digest(content)))
             });
         }
         keys.push(hex(&Sha256::digest(text)[..8]));

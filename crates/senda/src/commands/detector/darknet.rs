@@ -3,6 +3,7 @@
 use crate::commands::{check_out, report::command_line, save_model, write_file};
 use crate::terminal;
 use anyhow::{Context, Result, bail};
+use senda_core::bounded_file;
 use senda_data::darknet::parse_names;
 use senda_nets::{Darknet, DarknetWeights, Model, Provenance};
 use std::path::Path;
@@ -27,7 +28,8 @@ pub(super) fn import(cfg: &Path, weights: &Path, names: &Path, out: &Path, json:
     }
     let darknet = darknet.with_classes(&classes)?;
     let name = weights.display().to_string();
-    let bytes = std::fs::read(weights).with_context(|| format!("cannot read {name}"))?;
+    let bytes =
+        bounded_file::read(weights, bounded_file::GIBIBYTE).with_context(|| format!("cannot read {name}"))?;
     let read = DarknetWeights::from_bytes(&name, &bytes, &darknet.network, None)?;
     let mut model = darknet.into_model(read.weights);
     model.provenance = Provenance {

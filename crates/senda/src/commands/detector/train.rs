@@ -7,6 +7,7 @@ use crate::commands::{
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use senda_core::bounded_file;
 use senda_learn::detector::{DetectorTraining, Pictures, evaluate, train};
 use senda_learn::train::News;
 use senda_nets::{Darknet, DarknetWeights, Model, Provenance, Weights};
@@ -226,7 +227,8 @@ fn begin(arguments: &Arguments, classes: &[String], seed: u64) -> Result<Model> 
     let mut weights = Weights::random(&darknet.network, seed);
     if let Some(path) = &arguments.weights {
         let name = path.display().to_string();
-        let bytes = std::fs::read(path).with_context(|| format!("cannot read {name}"))?;
+        let bytes = bounded_file::read(path, bounded_file::GIBIBYTE)
+            .with_context(|| format!("cannot read {name}"))?;
         let most = arguments.convolutions.unwrap_or(usize::MAX);
         let read = DarknetWeights::from_bytes(&name, &bytes, &darknet.network, Some((&weights, most)))?;
         if let Some(wanted) = arguments

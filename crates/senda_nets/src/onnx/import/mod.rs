@@ -9,6 +9,7 @@ use crate::network::{Network, Shape};
 use crate::weights::Weights;
 use constant::Constant;
 use prost::Message;
+use senda_core::bounded_file;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
@@ -64,7 +65,7 @@ impl Imported {
     /// When it cannot be read, is damaged, or uses operations that the engine lacks (named).
     pub fn load(path: &Path) -> Result<Self, OnnxError> {
         let file = path.display().to_string();
-        let bytes = std::fs::read(path).map_err(|error| ModelError::File {
+        let bytes = bounded_file::read(path, bounded_file::GIBIBYTE).map_err(|error| ModelError::File {
             file: file.clone(),
             reason: error.to_string(),
         })?;
