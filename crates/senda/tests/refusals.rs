@@ -54,6 +54,41 @@ fn a_refused_run_leaves_no_recording() {
         .stderr(contains("none among the 1 of that name"));
 }
 
+/// 100,000 threads ended in a panic, or never.
+#[test]
+fn more_threads_than_a_system_has_are_refused() {
+    for command in [
+        &["train", "data"][..],
+        &["evaluate", "model.senda"],
+        &["sweep"],
+        &["compare", "--preset", "document-b"],
+        &["detector", "train", "set.data"],
+    ] {
+        for jobs in ["100000", "-1", "many"] {
+            senda(&[command, &[&format!("--jobs={jobs}")]].concat())
+                .failure()
+                .stderr(contains("--jobs").and(contains("1 to 1024")).and(contains(jobs)));
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let (plan, runs) = (folder.path().join("plan.toml"), folder.path().join("runs"));
+    std::fs::write(&plan, "[training]\nthreads = 100000\n").unwrap();
+    senda(&[&SHORT[..], &["--record", text(&runs)]].concat()).success();
+    let train = [
+        "train",
+        text(&runs),
+        "--plan",
+        text(&plan),
+        "--split",
+        "time",
+        "--network",
+        "tinypilotnet",
+    ];
+    senda(&train)
+        .failure()
+        .stderr(contains("threads: expected 0 to 1024").and(contains("100000")));
+}
+
 /// The same run three times, and three seeds of a driver without chance, counted as three runs.
 #[test]
 fn sweeps_say_which_runs_tell_nothing_new() {

@@ -48,6 +48,9 @@ pub struct Training {
     pub threads: usize,
 }
 
+/// Threads beyond this are a slip of the finger: the system runs out of them.
+pub const MOST_THREADS: usize = 1024;
+
 impl Default for Training {
     fn default() -> Self {
         Self {
@@ -120,6 +123,9 @@ impl Training {
         }
         if !(0.0..=1.0).contains(&self.balance) {
             return wrong("balance", "0 to 1", self.balance.to_string());
+        }
+        if self.threads > MOST_THREADS {
+            return wrong("threads", "0 to 1024", self.threads.to_string());
         }
         match self.augmentation.fault() {
             Some((key, range, value)) => wrong(key, range, value.to_string()),

@@ -34,7 +34,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "I/N")]
     shard: Option<PartOf>,
     /// Jobs at once; without it one for each core. Changes no result
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = super::parse_jobs)]
     jobs: Option<usize>,
     /// Only say what there is to do and what it takes
     #[arg(long)]

@@ -67,7 +67,7 @@ pub(crate) struct Arguments {
     #[arg(long)]
     beside_lane: bool,
     /// Threads; without it one for each core
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = super::parse_jobs)]
     jobs: Option<usize>,
     /// Keep results in this file, and go on from it when it exists
     #[arg(long, value_name = "FILE")]

@@ -25,6 +25,7 @@ pub(crate) mod world;
 
 use anyhow::{Context, Result};
 use senda_core::whole_file;
+use senda_learn::train::MOST_THREADS;
 use senda_nets::{Model, Provenance};
 use senda_run::Scenario;
 use std::path::Path;
@@ -65,6 +66,9 @@ pub(crate) fn save_model(model: &Model, path: &Path) -> Result<()> {
     Ok(())
 }
 
+/// The figure of a model whose training was interrupted.
+pub(crate) const INTERRUPTED: &str = "interrupted";
+
 /// Says how far a training came and what to do; a figure says so in the model.
 pub(crate) fn note_interruption(provenance: &mut Provenance, done: usize, of: u32, folder: Option<&Path>) {
     let place = format!("after epoch {done} of {of}");
@@ -78,8 +82,15 @@ pub(crate) fn note_interruption(provenance: &mut Provenance, done: usize, of: u3
     provenance.metrics.insert(INTERRUPTED.to_owned(), place.into());
 }
 
-/// The figure that says so.
-pub(crate) const INTERRUPTED: &str = "interrupted";
+/// Threads; 0: one for each core.
+pub(crate) fn parse_jobs(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(jobs) if jobs <= MOST_THREADS => Ok(jobs),
+        _ => Err(format!(
+            "expected 1 to {MOST_THREADS} threads, or 0 for one for each core, but found `{text}`"
+        )),
+    }
+}
 
 fn make_folder_of(path: &Path) -> Result<()> {
     match path.parent() {

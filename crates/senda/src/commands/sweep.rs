@@ -62,7 +62,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N")]
     sample: Option<usize>,
     /// Threads; without it one for each core
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = super::parse_jobs)]
     jobs: Option<usize>,
     /// Keep results in this file, and go on from it when it exists
     #[arg(long, value_name = "FILE")]

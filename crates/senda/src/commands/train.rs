@@ -91,7 +91,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
     /// Threads; without it one for each core. The result does not depend on it
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = super::parse_jobs)]
     jobs: Option<usize>,
     /// Go on from these weights: a model (fine-tuning), or others' weights for the network (safetensors, ONNX)
     #[arg(long, value_name = "FILE")]

@@ -5,7 +5,7 @@ use super::jitter::jitter;
 use crate::LearnError;
 use crate::augment::{Answers, Augmentation, augment};
 use crate::checkpoint;
-use crate::train::{Epoch, News, Progress, Schedule, Trained};
+use crate::train::{Epoch, MOST_THREADS, News, Progress, Schedule, Trained};
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -68,6 +68,9 @@ impl DetectorTraining {
                 "more than 0, at most 1",
                 self.learning_rate.to_string(),
             ));
+        }
+        if self.threads > MOST_THREADS {
+            return Err(wrong("threads", "0 to 1024", self.threads.to_string()));
         }
         if !(0.0..=0.9).contains(&self.light) {
             return Err(wrong("light", "0 to 0.9", self.light.to_string()));

@@ -49,7 +49,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
     /// Threads; without it one for each core. The result does not depend on it
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = crate::commands::parse_jobs)]
     jobs: Option<usize>,
     /// Keep a checkpoint in this folder, and go on from it when it exists
     #[arg(long, value_name = "FOLDER")]
