@@ -268,6 +268,14 @@ fn data_without_anything_usable_are_a_failure() {
         .stderr(cause.clone().and(contains("none")));
     senda(&["data", "import", text(&tub), "--out", text(&out)])
         .failure()
+        .stderr(cause.clone());
+    senda(&["data", "stats", text(&tub)])
+        .failure()
+        .stdout(cause.clone())
+        .stderr(contains("none"));
+    let export = ["--format", "tub", "--out", text(&out)];
+    senda(&[&["data", "export", text(&tub)], &export[..]].concat())
+        .failure()
         .stderr(cause);
     assert!(!out.exists());
 }

@@ -1,7 +1,7 @@
 //! Recordings for other people's programs.
 
 use crate::edits::open_edited_runs;
-use crate::import::set_name;
+use crate::import::{expect_steps, set_name};
 use crate::open::Format;
 use crate::{DataError, Recording, Step, named_frames, tub, udacity};
 use senda_core::Body;
@@ -36,6 +36,7 @@ pub fn export(from: &Path, body: &Body, format: Format, to: &Path) -> Result<Vec
         });
     }
     let recordings = open_edited_runs(from, body)?;
+    expect_steps(from, &recordings)?;
     let filled = std::fs::read_dir(to).is_ok_and(|mut entries| entries.next().is_some());
     if filled || to.is_file() {
         // Half an export over an old one would be a mixture.

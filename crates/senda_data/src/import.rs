@@ -34,20 +34,7 @@ pub fn import(from: &Path, body: &Body, to: &Path) -> Result<Vec<Imported>, Data
         });
     }
     let recordings = open_runs(from, body)?;
-    if recordings.iter().all(|recording| recording.steps.is_empty()) {
-        let warnings: Vec<&str> = recordings
-            .iter()
-            .flat_map(|recording| &recording.warnings)
-            .map(String::as_str)
-            .take(5)
-            .collect();
-        return Err(DataError::NotThat {
-            path: from.to_owned(),
-            expected: "records that can be used".into(),
-            found: format!("none ({})", warnings.join("; ")),
-            advice: "nothing was written".into(),
-        });
-    }
+    expect_steps(from, &recordings)?;
     let single = to.extension().is_some_and(|end| end.eq_ignore_ascii_case("mcap"));
     if single && recordings.len() != 1 {
         return Err(DataError::NotThat {
@@ -80,6 +67,28 @@ pub fn import(from: &Path, body: &Body, to: &Path) -> Result<Vec<Imported>, Data
         .zip(paths)
         .map(|(recording, path)| save(recording, path, format))
         .collect()
+}
+
+/// Refuses data without a single record that can be used, with the first reasons; nothing is written then.
+pub(crate) fn expect_steps(from: &Path, recordings: &[Recording]) -> Result<(), DataError> {
+    if recordings.iter().any(|recording| !recording.steps.is_empty()) {
+        return Ok(());
+    }
+    let warnings: Vec<&str> = recordings
+        .iter()
+        .flat_map(|recording| &recording.warnings)
+        .map(String::as_str)
+        .take(5)
+        .collect();
+    Err(DataError::NotThat {
+        path: from.to_owned(),
+        expected: "records that can be used".into(),
+        found: match &warnings[..] {
+            [] => "none (the edits beside the data leave all of them out)".to_owned(),
+            some => format!("none ({})", some.join("; ")),
+        },
+        advice: "nothing was written".into(),
+    })
 }
 
 fn save(mut recording: Recording, path: PathBuf, format: Format) -> Result<Imported, DataError> {

@@ -9,7 +9,7 @@ use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand};
 use senda_run::scenario::find_vehicle;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub(crate) struct Arguments {
@@ -54,6 +54,17 @@ enum What {
     },
 }
 
+/// The end of a command that showed data in which there is nothing to use.
+fn expect_steps(steps: usize, data: &Path) -> Result<()> {
+    if steps == 0 {
+        bail!(
+            "{}: expected records that can be used, but found none; the warnings say why",
+            data.display()
+        );
+    }
+    Ok(())
+}
+
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     match arguments.what {
         What::Info { data, vehicle, json } => {
@@ -64,13 +75,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             } else {
                 say!("{}", info)?;
             }
-            if info.steps == 0 {
-                bail!(
-                    "{}: expected records that can be used, but found none; the warnings say why",
-                    data.display()
-                );
-            }
-            Ok(())
+            expect_steps(info.steps, &data)
         }
         What::Stats(arguments) => stats::run(arguments),
         What::Clean(arguments) => clean::run(arguments),

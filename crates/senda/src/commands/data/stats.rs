@@ -37,6 +37,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         (true, Some(_)) => None,
         (false, _) => Some(senda_data::stats(&arguments.data, &body)?),
     };
+    // A picture alone has no records, and none are expected.
+    let recorded = stats.as_ref().map_or(1, |stats| stats.recorded);
     let alignment = match &reference {
         None => None,
         Some(reference) => {
@@ -80,15 +82,15 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             });
         }
         say!("{}", serde_json::to_string_pretty(&value)?)?;
-        return Ok(());
+        return super::expect_steps(recorded, &arguments.data);
     }
-    if let Some(stats) = stats {
+    if let Some(stats) = &stats {
         say!("{}", stats.to_string().trim_end())?;
     }
     if let Some(found) = alignment {
         say!("{}", words(&found))?;
     }
-    Ok(())
+    super::expect_steps(recorded, &arguments.data)
 }
 
 fn picture(path: &Path) -> Result<Image> {
