@@ -808,6 +808,28 @@ fn a_full_disk_is_named_and_nothing_half_written_stays() {
     assert!(kept.join("checkpoint").exists());
 }
 
+/// The weights were gone, and nothing said how to keep them.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_model_that_finds_no_room_is_had_from_the_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    data(folder.path());
+    let kept = folder.path().join("kept");
+    let mut arguments = training(folder.path(), "a.senda");
+    let good = arguments.clone();
+    *arguments.last_mut().unwrap() = "/dev/full".into();
+    senda(&with(&arguments, &[]))
+        .failure()
+        .stderr(contains("/dev/full").and(contains("the weights are lost: with --folder")));
+    senda(&with(&arguments, &["--folder", text(&kept)]))
+        .failure()
+        .stderr(contains("goes on from the checkpoint in").and(contains(text(&kept))));
+    // Nothing is trained again.
+    senda(&with(&good, &["--folder", text(&kept)]))
+        .success()
+        .stderr(contains("epoch 1").not());
+}
+
 #[test]
 fn learning_on_a_tiny_budget_makes_a_model_that_drives() {
     let folder = tempfile::tempdir().unwrap();

@@ -23,7 +23,7 @@ pub(crate) mod training_report;
 pub(crate) mod watched_lane;
 pub(crate) mod world;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
 use senda_core::whole_file;
 use senda_learn::train::MOST_THREADS;
 use senda_nets::{Model, Provenance};
@@ -80,6 +80,19 @@ pub(crate) fn note_interruption(provenance: &mut Provenance, done: usize, of: u3
         None => tell!("interrupted {place}: give --folder FOLDER to be able to go on"),
     }
     provenance.metrics.insert(INTERRUPTED.to_owned(), place.into());
+}
+
+/// Writes the model at the end of a training. Where that fails, what can still be had is said: the weights took hours.
+pub(crate) fn save_trained(model: &Model, out: &Path, folder: Option<&Path>) -> Result<()> {
+    save_model(model, out).map_err(|error| match folder {
+        Some(folder) => anyhow!(
+            "{error:#}; nothing is lost: the same command with another --out goes on from the checkpoint in {}",
+            folder.display()
+        ),
+        None => anyhow!(
+            "{error:#}; the weights are lost: with --folder FOLDER a checkpoint is kept, and the same command goes on with another --out"
+        ),
+    })
 }
 
 /// Threads; 0: one for each core.

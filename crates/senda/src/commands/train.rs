@@ -4,7 +4,7 @@ mod experiment;
 mod fine_tuning;
 pub(crate) mod inherited;
 
-use super::{check_out, note_interruption, report::command_line, save_model, training_report};
+use super::{check_out, note_interruption, report::command_line, save_trained, training_report};
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -372,7 +372,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         detection: None,
         forgets,
     };
-    save_model(&model, &arguments.out)?;
+    save_trained(&model, &arguments.out, arguments.folder.as_deref())?;
     let in_folder = arguments.folder.as_ref().map(|folder| folder.join("report.html"));
     for path in arguments.report.iter().chain(&in_folder) {
         let told = training_report::Told {

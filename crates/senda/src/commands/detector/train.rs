@@ -2,7 +2,7 @@
 
 use super::{list, print_scores, warn};
 use crate::commands::{
-    check_out, note_interruption, report::command_line, save_model, train::inherited::inherit,
+    check_out, note_interruption, report::command_line, save_trained, train::inherited::inherit,
 };
 use crate::terminal;
 use anyhow::{Context, Result, bail};
@@ -154,7 +154,7 @@ pub(super) fn run(arguments: Arguments) -> Result<()> {
         note_interruption(&mut provenance, done, options.epochs, folder);
     }
     model.provenance = provenance;
-    save_model(&model, &arguments.out)?;
+    save_trained(&model, &arguments.out, arguments.folder.as_deref())?;
     let wall_s = terminal::seconds_since(began_ns);
     if arguments.json {
         let value = serde_json::json!({
