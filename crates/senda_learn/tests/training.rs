@@ -140,6 +140,38 @@ fn a_checkpoint_cut_short_or_foreign_is_refused_with_words() {
     run().unwrap();
 }
 
+/// A bit that the disk lost among the weights was learned on from.
+#[test]
+fn a_checkpoint_with_one_other_bit_or_of_an_older_version_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let checkpoint = folder.path().join("checkpoint");
+    let frames = samples(16);
+    let run = || train(&frames, &none(), &options(), Some(&checkpoint), &|| false);
+    run().unwrap();
+    let good = std::fs::read(&checkpoint).unwrap();
+    for at in (0..good.len()).step_by(101).chain([good.len() - 1]) {
+        let mut bytes = good.clone();
+        bytes[at] ^= 1;
+        std::fs::write(&checkpoint, &bytes).unwrap();
+        let message = run().unwrap_err().to_string();
+        assert!(message.contains("delete it"), "byte {at}: {message}");
+    }
+    let at = good
+        .windows(11)
+        .position(|bytes| bytes == b"\"version\":2")
+        .unwrap();
+    let mut older = good.clone();
+    older[at + 10] = b'1';
+    std::fs::write(&checkpoint, &older).unwrap();
+    let message = run().unwrap_err().to_string();
+    assert!(
+        message.contains("it has version 1 and this program reads 2"),
+        "{message}"
+    );
+    std::fs::write(&checkpoint, &good).unwrap();
+    run().unwrap();
+}
+
 /// A folder where the partial file should go stands for a disk that takes nothing more.
 #[test]
 fn what_cannot_be_saved_leaves_the_last_good_checkpoint() {
