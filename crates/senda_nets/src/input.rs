@@ -158,10 +158,21 @@ impl InputSpec {
                 shape.channels
             ));
         }
-        let of_frame = Self::of(Shape {
-            channels: shape.channels / stack,
-            ..shape
-        });
+        let channels = shape.channels / stack;
+        if let Some(colour) = view.colour.filter(|colour| colour.channels() != channels) {
+            let fitting = match channels {
+                1 => "grey or saturation",
+                3 => "rgb",
+                _ => "none",
+            };
+            return Err(format!(
+                "colour: expected {fitting} for the {channels} channels that the network takes of a frame, but found {} with {}; leave \
+                 --colour out, or change `channels` under [input] of the network's file",
+                colour.name(),
+                colour.channels()
+            ));
+        }
+        let of_frame = Self::of(Shape { channels, ..shape });
         let spec = Self {
             colour: view.colour.or(network.colour()).unwrap_or(of_frame.colour),
             crop: view.crop,
@@ -231,7 +242,8 @@ impl InputSpec {
             || crop.left + crop.right > 0.95
         {
             return Some(format!(
-                "expected a crop that leaves a twentieth of the frame each way, but found {parts:?}"
+                "crop: expected parts of 0 or more that leave a twentieth of the frame each way, but found top {}, bottom {}, left {}, right {}",
+                crop.top, crop.bottom, crop.left, crop.right
             ));
         }
         if !(1..=LARGEST_STACK).contains(&self.stack) {
@@ -295,7 +307,11 @@ mod tests {
         );
         let mut cut = InputSpec::of(shape);
         cut.crop.top = 0.96;
-        assert!(cut.fault(shape).unwrap().contains("crop"));
+        let fault = cut.fault(shape).unwrap();
+        assert!(
+            fault.contains("found top 0.96, bottom 0, left 0, right 0"),
+            "{fault}"
+        );
     }
 
     #[test]
@@ -310,13 +326,17 @@ mod tests {
             (stacked.colour, stacked.stack, stacked.channels()),
             (Colour::Saturation, 4, 4)
         );
-        let grey = View {
+        let view = View {
             colour: Some(Colour::Grey),
             edges: Some(Edges::default()),
             ..View::default()
         };
-        let grey = spec("tinypilotnet", grey).unwrap();
+        let grey = spec("tinypilotnet", view).unwrap();
         assert_eq!((grey.colour, grey.edges), (Colour::Grey, Some(Edges::default())));
+        let rgb_alone = InputSpec::for_network(&Network::named("pilotnet").unwrap(), &view).unwrap_err();
+        for words in ["expected rgb", "3 channels", "grey with 1", "--colour", "[input]"] {
+            assert!(rgb_alone.contains(words), "{rgb_alone}");
+        }
         let stack = |stack| View {
             stack: Some(stack),
             ..View::default()
