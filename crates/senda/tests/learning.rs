@@ -695,6 +695,27 @@ fn a_refused_experiment_leaves_the_folder_as_it_was() {
     assert!(before == files());
 }
 
+/// Weights that are worse than no network replaced a good model without a word.
+#[test]
+fn a_training_that_diverged_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    data(folder.path());
+    let report = folder.path().join("report.html");
+    let arguments = training(folder.path(), "a.senda");
+    let diverged = with(
+        &arguments,
+        &["--learning-rate", "10", "--report", text(&report), "--json"],
+    );
+    let words = "where always answering the median has";
+    let assert = senda(&diverged).success().stderr(contains(words));
+    let result: serde_json::Value = serde_json::from_slice(&assert.get_output().stdout).unwrap();
+    assert!(result["warnings"].to_string().contains(words), "{result}");
+    assert!(std::fs::read_to_string(&report).unwrap().contains(words));
+    senda(&["model", "info", text(&folder.path().join("a.senda"))])
+        .success()
+        .stdout(contains(words));
+}
+
 #[test]
 fn judging_by_what_was_learned_is_named() {
     let folder = tempfile::tempdir().unwrap();

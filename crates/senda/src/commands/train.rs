@@ -3,19 +3,21 @@
 mod experiment;
 mod fine_tuning;
 pub(crate) mod inherited;
+mod judged;
 
 use super::{check_out, note_interruption, report::command_line, save_trained, training_report};
 use crate::terminal;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 pub(crate) use experiment::Experiment;
+use judged::Judged;
 use senda_learn::{
     Answers, Samples,
     beginning::begin,
     gather::{self, Data},
     learn::network_for,
     split,
-    train::{self, Errors, Lesson, News},
+    train::{self, Lesson, News},
 };
 use senda_nets::{InputSpec, Model, Provenance, View};
 use std::path::PathBuf;
@@ -325,6 +327,15 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         Ok(Some(Judged { errors, degrees }))
     };
     let (on_training, on_validation) = (judge(&training)?, judge(&validation)?);
+    let worse = match (&on_validation, &on_training) {
+        (Some(judged), _) => judged.worse_than_constant("judging"),
+        (None, Some(judged)) => judged.worse_than_constant("learned"),
+        (None, None) => None,
+    };
+    if let Some(note) = &worse {
+        tell!("warning: {note}");
+        warnings.push(note.clone());
+    }
     let best = trained
         .history
         .iter()
@@ -346,6 +357,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         },
         seed: experiment.training.seed,
         command: command_line(),
+        notes: worse.unwrap_or_default(),
         ..Provenance::default()
     };
     if let Some((from, base)) = from.as_deref().zip(base.as_ref()) {
@@ -417,38 +429,4 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Errors of the weights that were kept.
-#[derive(Clone, Copy)]
-struct Judged {
-    errors: Errors,
-    /// Mean squared (°²) and mean absolute (°), where somebody said what full lock is.
-    degrees: Option<[f64; 2]>,
-}
-
-impl Judged {
-    fn json(self) -> serde_json::Value {
-        let mut value = serde_json::json!(self.errors);
-        if let (Some([squared, absolute]), Some(table)) = (self.degrees, value.as_object_mut()) {
-            table.insert("mean_squared_deg2".into(), squared.into());
-            table.insert("mean_absolute_deg".into(), absolute.into());
-        }
-        value
-    }
-}
-
-impl std::fmt::Display for Judged {
-    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        let errors = self.errors;
-        write!(
-            f,
-            "MSE {:.5}, mean error {:.4} (constant: {:.4}), correlation {:.3}",
-            errors.mean_squared, errors.mean_absolute, errors.of_constant_median, errors.correlation
-        )?;
-        match self.degrees {
-            Some([squared, absolute]) => write!(f, "; {squared:.1} deg², {absolute:.1}°"),
-            None => Ok(()),
-        }
-    }
 }

@@ -54,6 +54,8 @@ pub(crate) fn write(path: &Path, title: &str, told: &Told) -> Result<()> {
     .filter(|(_, value)| !value.is_empty())
     .map(|(name, value)| (name.to_owned(), value))
     .collect();
+    page.notes
+        .extend(Some(provenance.notes.clone()).filter(|notes| !notes.is_empty()));
     if let Some(place) = provenance
         .metrics
         .get(INTERRUPTED)
