@@ -862,28 +862,32 @@ fn learning_on_a_tiny_budget_makes_a_model_that_drives() {
     )
     .unwrap();
     let model = folder.path().join("model.senda");
-    let result = json(&[
-        "learn",
-        "--plan",
-        text(&plan),
-        "--network",
-        text(&folder.path().join("tiny.toml")),
-        "--expert-frames",
-        "20",
-        "--rounds",
-        "1",
-        "--round-frames",
-        "20",
-        "--epochs",
-        "1",
-        "--trial-runs",
-        "0",
-        "--folder",
-        text(&folder.path().join("experiment")),
-        "--out",
-        text(&model),
-        "--json",
-    ]);
+    let experiment = folder.path().join("experiment");
+    let tiny = folder.path().join("tiny.toml");
+    let learn = |more: &[&str]| -> serde_json::Value {
+        let arguments = [
+            "learn",
+            "--plan",
+            text(&plan),
+            "--network",
+            text(&tiny),
+            "--expert-frames",
+            "20",
+            "--rounds",
+            "1",
+            "--round-frames",
+            "20",
+            "--epochs",
+            "1",
+            "--trial-runs",
+            "0",
+            "--folder",
+            text(&experiment),
+            "--json",
+        ];
+        json(&[&arguments[..], more].concat())
+    };
+    let result = learn(&["--out", text(&model)]);
     assert_eq!(result["rounds"].as_array().unwrap().len(), 2);
     // The budget is the least; the model says what it was, not what was asked for.
     let [expert, all] = [0, 1].map(|round| result["rounds"][round]["frames"].as_u64().unwrap());
@@ -901,6 +905,16 @@ fn learning_on_a_tiny_budget_makes_a_model_that_drives() {
     assert!(page.contains("Learning by correction") && page.contains("Loss over the epochs"));
     let drive = json(&[&at_the_wheel("unseen-1", "picar", text(&model))[..], &A_SECOND].concat());
     assert!(drive["frames"].as_u64().unwrap() > 5);
+    // What it goes on from stays known.
+    std::fs::remove_dir_all(&experiment).unwrap();
+    let further = folder.path().join("further.senda");
+    learn(&["--from", text(&model), "--out", text(&further)]);
+    let further = json(&["model", "info", text(&further), "--json"])["provenance"]["data"].clone();
+    assert_eq!(further[0], info["provenance"]["data"][0]);
+    assert!(
+        further[1].as_str().unwrap().starts_with(text(&model)),
+        "{further}"
+    );
     std::fs::write(&plan, "epochz = 1\n").unwrap();
     senda(&["learn", "--plan", text(&plan)])
         .failure()

@@ -1,5 +1,6 @@
 //! `senda learn`: from nothing to a driving network.
 
+use super::train::inherited::{inherit, learned_by};
 use super::{check_out, report::command_line, save_model, training_report};
 use crate::terminal;
 use anyhow::Result;
@@ -144,6 +145,13 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     }
     let mut model = learned.model;
     model.provenance.command = command_line();
+    if let Some((from, base)) = learning
+        .from
+        .as_deref()
+        .and_then(|from| Some((from, learned_by(from)?)))
+    {
+        inherit(&mut model.provenance, from, &base);
+    }
     save_model(&model, &arguments.out)?;
     let told = training_report::Told {
         model: &model,

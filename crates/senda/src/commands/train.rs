@@ -190,10 +190,10 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         let extension = path.extension().and_then(|extension| extension.to_str());
         !matches!(extension, Some("safetensors" | "onnx"))
     };
-    let (network, weights, mut input, base) = if let Some(path) = from.as_ref().filter(is_model) {
+    let (network, weights, mut input) = if let Some(path) = from.as_ref().filter(is_model) {
         let model = Model::load(path)?;
         fine_tuning::refuse_other(&model, path, &experiment)?;
-        (model.network, model.weights, model.input, Some(model.provenance))
+        (model.network, model.weights, model.input)
     } else {
         let name = experiment.network.get_or_insert_with(|| "pilotnet".to_owned());
         let network = network_for(name, &experiment.answers)?;
@@ -209,9 +209,9 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
             stack: experiment.stack,
         };
         let input = InputSpec::for_network(&network, &view).map_err(|fault| anyhow::anyhow!("{fault}"))?;
-        let base = from.as_deref().and_then(inherited::of_onnx);
-        (network, weights, input, base)
+        (network, weights, input)
     };
+    let base = from.as_deref().and_then(inherited::learned_by);
     let body = senda_run::scenario::find_vehicle(&experiment.vehicle)?.body();
     let bar = terminal::bar("reading");
     let read = |paths: &[PathBuf]| -> Result<Data> {

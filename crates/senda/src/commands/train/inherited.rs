@@ -1,7 +1,7 @@
 //! What a fine-tuned model learned before: the worlds and data of the model that it goes on from.
 
 use crate::commands::evaluate::drives;
-use senda_nets::{Imported, Provenance};
+use senda_nets::{Imported, Model, Provenance};
 use std::path::Path;
 
 /// Puts the worlds and data of the model at `from` before a model's own. Its figures stay behind: they are about other weights.
@@ -23,8 +23,11 @@ pub(crate) fn inherit(own: &mut Provenance, from: &Path, base: &Provenance) {
     own.data = data.chain(own.data.drain(..)).collect();
 }
 
-/// What a model says of itself that came here as an ONNX file; nothing for those of other programs.
-pub(super) fn of_onnx(path: &Path) -> Option<Provenance> {
+/// What a model, also as an ONNX file, says of itself; nothing for weights of other programs.
+pub(crate) fn learned_by(path: &Path) -> Option<Provenance> {
+    if let Ok(model) = Model::load(path) {
+        return Some(model.provenance);
+    }
     let imported = Imported::load(path).ok()?;
     serde_json::from_str(imported.metadata.get("senda.provenance")?).ok()
 }
